@@ -1,0 +1,41 @@
+"""What an estimator is: a module or object with these names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..models.records import Estimates, Recording, Scan
+
+
+class Estimator(Protocol):
+    """An estimator as the entry-point group ``echoset.estimators`` finds it.
+
+    ``SUMMARY`` : one line for ``echoset list``
+    ``STREAMS`` : the stream kinds that it can process
+    ``PRESETS`` : named sets of parameters
+    ``Params`` : frozen dataclass of parameters (see :mod:`echoset.models.parameters`); those
+    whose name stands in a stream's ``model`` take their value from there
+    """
+
+    SUMMARY: str
+    STREAMS: tuple[str, ...]
+    PRESETS: Mapping[str, Mapping[str, Any]]
+    Params: type[Any]
+
+    def estimate(
+        self, setup: Recording, scans: Iterable[Scan], params: Any, rng: np.random.Generator
+    ) -> Iterator[Estimates]:
+        """Yield the estimates of each step, in order of time, as records of one time each.
+
+        ``setup`` is the recording without scans and truth. Only ``objects`` and ``steps`` of what
+        is yielded count; the caller sets the provenance.
+
+        Raises
+        ------
+        InputError : the recording lacks what the estimator needs
+        EstimatorError : the estimate is not finite, or all weights vanish
+        """
+        ...

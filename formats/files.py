@@ -1,0 +1,161 @@
+"""Reading and writing records, whatever the format: found by magic bytes or by suffix."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any, Protocol
+
+from ..models import registry
+from ..models.checks import check
+from ..models.errors import FormatError, ParameterError
+from ..models.records import Estimates, Meta, Recording, Scan
+from . import layout
+
+GROUP = "echoset.formats"
+Target = Path | IO[bytes]
+
+
+class Source(Protocol):
+    """A recording that is read scan by scan."""
+
+    setup: Recording
+
+    @property
+    def observed_digest(self) -> str:
+        """Digest of what estimators may see, known once all scans are out."""
+
+    def scans(self) -> Iterator[Scan]:
+        """All scans in order; FormatError where damage shows, at the end at the latest."""
+
+    def recording(self) -> Recording | None:
+        """The whole recording, truth included, where it was asked to be kept."""
+
+    def close(self) -> None:
+        """Close the file."""
+
+
+class EstimatesWriter(Protocol):
+    """Writes estimates step by step."""
+
+    def append(self, estimates: Estimates) -> None:
+        """Take the next steps; their provenance names the estimator."""
+
+    def close(self, meta: Meta, recording: Recording | None = None) -> None:
+        """Finish the file with its provenance and the recording that travels along, if any."""
+
+    def abort(self) -> None:
+        """Close the file as it is."""
+
+
+def _identify(source: Target, path: object) -> tuple[Any, Target]:
+    """The format module of a file by its magic bytes, and the source to read from."""
+    try:
+        if isinstance(source, Path):
+            with source.open("rb") as file:
+                head = file.read(8)
+        else:
+            if not source.seekable() and not hasattr(source, "peek"):
+                source = io.BytesIO(source.read())
+            head = source.peek(8)[:8] if hasattr(source, "peek") else source.read(8)
+            if not hasattr(source, "peek"):
+                source.seek(-len(head), io.SEEK_CUR)
+    except OSError as error:
+        raise FormatError(path, "", error.strerror or str(error)) from error
+    for name in registry.names(GROUP):
+        module = registry.load(GROUP, name)
+        if head.startswith(module.MAGIC):
+            if name == "h5" and not isinstance(source, Path) and not source.seekable():
+                source = io.BytesIO(source.read())
+            return module, source
+    if not head:
+        raise FormatError(path, "", "is empty")
+    raise FormatError(path, "byte 0", "neither HDF5 nor MCAP")
+
+
+def _name(source: Target, path: object) -> object:
+    return path if path is not None else source if isinstance(source, Path) else "<stream>"
+
+
+def read(source: Target, path: object = None) -> Recording | Estimates:
+    """Read and verify a record from a path or binary file.
+
+    Raises
+    ------
+    FormatError : it cannot be read, is damaged or of another kind
+    """
+    path = _name(source, path)
+    module, source = _identify(source, path)
+    record: Recording | Estimates = module.read(source, path)
+    return record
+
+
+def open_source(source: Target, path: object = None, keep: bool = False) -> Source:
+    """Open a recording for reading scan by scan; ``keep`` it whole for :meth:`recording`.
+
+    Raises
+    ------
+    FormatError : it cannot be read, is damaged or holds no recording
+    """
+    path = _name(source, path)
+    module, source = _identify(source, path)
+    opened: Source = module.Source(source, path, keep)
+    return opened
+
+
+def inspect(source: Target, path: object = None) -> dict[str, Any]:
+    """Digests, attributes and shapes of a file.
+
+    Raises
+    ------
+    FormatError : it cannot be read, is damaged or of another kind
+    """
+    path = _name(source, path)
+    module, source = _identify(source, path)
+    summary: dict[str, Any] = module.inspect(source, path)
+    return summary
+
+
+def suffix_format(path: Path, default: str | None = None) -> str:
+    """Name of the format that the suffix of ``path`` stands for.
+
+    Raises
+    ------
+    ParameterError : no format has this suffix and there is no default
+    """
+    for name in registry.names(GROUP):
+        if path.suffix in registry.load(GROUP, name).SUFFIXES:
+            return name
+    if default is None:
+        raise ParameterError(f"{path}: no format has the suffix {path.suffix!r}: use .h5 or .mcap")
+    return default
+
+
+def write(record: Recording | Estimates, target: Target, format: str) -> None:
+    """Check and write a record whole. Not atomic by itself.
+
+    Raises
+    ------
+    FormatError : the record breaks its contract
+    """
+    check(record)
+    registry.load(GROUP, format).write(record, target)
+
+
+def estimates_writer(target: Target, format: str) -> EstimatesWriter:
+    """A writer that takes estimates step by step. Not atomic by itself."""
+    writer: EstimatesWriter = registry.load(GROUP, format).EstimatesWriter(target)
+    return writer
+
+
+def observed_digest(record: Recording | Path) -> str:
+    """Digest of what an estimator may see: equal with and without truth.
+
+    Raises
+    ------
+    FormatError : the file cannot be read, is damaged or of another kind
+    """
+    if isinstance(record, Path):
+        return str(inspect(record)["observed_digest"])
+    return layout.observed_digest(record)

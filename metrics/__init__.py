@@ -1,0 +1,1 @@
+"""Estimates against truth: errors per recording, their pooling, and bounds."""

@@ -1,0 +1,51 @@
+"""Errors that end a command, each with the exit code that the command line gives it."""
+
+from __future__ import annotations
+
+
+class EchosetError(Exception):
+    """Base of every error that is the user's or the data's, never ours."""
+
+    exit_code = 1
+
+
+class ParameterError(EchosetError):
+    """An unknown, malformed or impossible parameter, option or name."""
+
+    exit_code = 2
+
+
+class InputError(EchosetError):
+    """An input that is readable but lacks what is needed."""
+
+    exit_code = 4
+
+
+class FormatError(InputError):
+    """A file that is damaged, hostile or of another kind.
+
+    Parameters
+    ----------
+    path : file as the user named it
+    where : place in the file: a dataset, topic, line or offset; may be empty
+    reason : what is wrong there
+    """
+
+    def __init__(self, path: object, where: str, reason: str) -> None:
+        self.path, self.where, self.reason = str(path), where, reason
+        super().__init__(": ".join(part for part in (self.path, where, reason) if part))
+
+    def __reduce__(self) -> tuple[type[FormatError], tuple[str, str, str]]:
+        return FormatError, (self.path, self.where, self.reason)
+
+
+class OutputError(EchosetError):
+    """An output that exists already or cannot be written."""
+
+    exit_code = 5
+
+
+class EstimatorError(EchosetError):
+    """An estimator that diverged or produced something not finite."""
+
+    exit_code = 7

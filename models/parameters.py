@@ -1,0 +1,119 @@
+"""Parameters of scenarios and estimators: declared once, resolved from layers, described as YAML.
+
+A ``Params`` class is a frozen dataclass whose fields are made by :func:`parameter`. Its
+``__post_init__`` checks the values and raises :class:`ParameterError` by :func:`require`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import types
+import typing
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
+
+from .errors import InputError, ParameterError
+
+P = TypeVar("P")
+
+
+class _Required:
+    """Marks a parameter without a default: it comes from the recording or from the user."""
+
+    def __repr__(self) -> str:
+        return "required"
+
+
+REQUIRED: Any = _Required()
+
+
+def parameter(default: Any, unit: str, doc: str) -> Any:
+    """A field of a ``Params`` class with its default, unit and meaning."""
+    metadata = {"unit": unit, "doc": doc}
+    if isinstance(default, list | dict):
+        return dataclasses.field(default_factory=lambda: default, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def require(ok: bool, name: str, rule: str, value: object) -> None:
+    """Raise :class:`ParameterError` with name, rule and value unless ``ok``."""
+    if not ok:
+        raise ParameterError(f"{name} must be {rule}, got {value!r}")
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """`` (did you mean ...?)`` for a misspelt name, or nothing."""
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def resolve(cls: type[P], *layers: tuple[str, Mapping[str, Any]]) -> P:
+    """Make ``cls`` from layers of (source, values), the later ones winning.
+
+    Raises
+    ------
+    ParameterError : an unknown key, a value of the wrong type, an impossible value
+    InputError : a required parameter that no layer gives
+    """
+    types_ = typing.get_type_hints(cls)
+    values: dict[str, Any] = {}
+    for source, layer in layers:
+        for key, value in layer.items():
+            if key not in types_:
+                hint = suggestion(key, types_)
+                raise ParameterError(f"{source}: unknown parameter {key!r}{hint}")
+            values[key] = _coerce(value, types_[key], f"{source}: {key}")
+    for f in dataclasses.fields(cls):  # type: ignore[arg-type]
+        if f.default is REQUIRED and f.name not in values:
+            raise InputError(
+                f"the recording's sensor model has no {f.name!r}: give it by --set {f.name}=..."
+            )
+    return cls(**values)
+
+
+def _coerce(value: Any, kind: Any, where: str) -> Any:
+    """``value`` as the type ``kind`` of a field, or ParameterError."""
+    origin, args = typing.get_origin(kind), typing.get_args(kind)
+    if kind is Any:
+        return value
+    if origin in (typing.Union, types.UnionType):
+        if value is None and type(None) in args:
+            return None
+        return _coerce(value, next(a for a in args if a is not type(None)), where)
+    if origin is tuple:
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            value = (value,)
+        items = list(value)
+        inner = [args[0]] * len(items) if len(args) == 2 and args[1] is Ellipsis else list(args)
+        if len(inner) != len(items):
+            raise ParameterError(f"{where}: needs {len(inner)} values, got {len(items)}")
+        return tuple(_coerce(v, a, where) for v, a in zip(items, inner, strict=True))
+    if kind is bool and isinstance(value, bool):
+        return value
+    if kind is str and isinstance(value, str):
+        return value
+    if kind is int and not isinstance(value, bool):
+        if isinstance(value, int):
+            return value
+        if isinstance(value, float) and value.is_integer():
+            return int(value)
+    if kind is float and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            number = math.nan
+        if math.isfinite(number):
+            return number
+    name = getattr(kind, "__name__", str(kind))
+    raise ParameterError(f"{where}: must be a {name}, got {value!r}")
+
+
+def as_dict(params: Any) -> dict[str, Any]:
+    """The parameters as plain JSON: tuples become lists."""
+    return {f.name: _plain(getattr(params, f.name)) for f in dataclasses.fields(params)}
+
+
+def _plain(value: Any) -> Any:
+    return [_plain(v) for v in value] if isinstance(value, tuple | list) else value

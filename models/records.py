@@ -1,0 +1,247 @@
+"""The data model: recordings, truth, estimates and scores as frozen records of arrays.
+
+SI units, radians, right-handed frames, x forward or east, y left or north. Time is int64
+nanoseconds after ``Meta.epoch``. Ragged data are columns plus ``row_offset``: the rows of scan
+``k`` are ``row_offset[k]:row_offset[k + 1]``. The arrays are trusted once
+:func:`echoset.models.checks.check` has passed, which every reader and writer calls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from heapq import merge
+from typing import Any
+
+import numpy as np
+
+from .columns import COLUMNS
+
+Array = np.ndarray[Any, Any]
+Model = Mapping[str, Any]
+"""A sensor model: floats, strings, lists of floats or (tables on grids) arrays, by name."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Meta:
+    """What a record is called and where it comes from.
+
+    ``name`` is the base name of the recording: it keys random streams and fills the column
+    ``recording`` of scores. ``provenance`` is plain JSON: generator, parameters, seed, versions.
+    """
+
+    name: str
+    epoch: str = "1970-01-01T00:00:00Z"
+    frame: str = "map"
+    origin: str = ""
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensor:
+    """A radar, UWB anchor or UWB device and its pose over time.
+
+    ``time_ns`` (k,), ``position`` (k, 3) [m], ``quaternion`` (k, 4) as x, y, z, w, sensor to map;
+    interpolated between the samples, constant outside; k = 0 where the pose is not known (a
+    device). ``object`` is the label of the truth object that carries it, -1 for none.
+    """
+
+    kind: str
+    time_ns: Array
+    position: Array
+    quaternion: Array
+    object: int = -1
+
+    @staticmethod
+    def static(kind: str, position: Array) -> Sensor:
+        """A sensor at rest at ``position`` (2,) or (3,), its axes along those of the map."""
+        p = np.zeros((1, 3))
+        p[0, : len(position)] = position
+        return Sensor(kind, np.zeros(1, np.int64), p, np.array([[0.0, 0.0, 0.0, 1.0]]))
+
+    @staticmethod
+    def device(label: int = -1) -> Sensor:
+        """A UWB device, whose pose nobody knows, carried by the object ``label``."""
+        return Sensor("device", np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4)), label)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stream:
+    """Scans of one kind from one radar, or the link events of a UWB network.
+
+    ``nodes`` names the sensors: one radar, or the UWB nodes that ``tx`` and ``rx`` count into.
+    ``time_ns`` (n,), ``row_offset`` (n + 1,), ``scan`` columns (n,), ``rows`` columns (m,); what
+    the columns mean stands in :mod:`echoset.models.columns`. A kind with maps holds them in
+    ``scan`` as (n, n_range, n_angle) and their axes in ``model``. A scan without a detection has
+    no rows; what was not operated or delivered nothing has no scan.
+    """
+
+    kind: str
+    nodes: tuple[str, ...]
+    model: Model
+    time_ns: Array
+    row_offset: Array
+    scan: Mapping[str, Array]
+    rows: Mapping[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
+    def part(self, start: int, stop: int) -> Stream:
+        """The scans ``start:stop`` as a stream of their own."""
+        first, last = self.row_offset[start], self.row_offset[stop]
+        return replace(
+            self,
+            time_ns=self.time_ns[start:stop],
+            row_offset=self.row_offset[start : stop + 1] - first,
+            scan={k: v[start:stop] for k, v in self.scan.items()},
+            rows={k: v[first:last] for k, v in self.rows.items()},
+        )
+
+    def observed(self) -> Stream:
+        """The stream without its evaluation columns."""
+        return replace(self, rows={k: v for k, v in self.rows.items() if not COLUMNS[k].evaluation})
+
+    def scans(self, name: str) -> Iterator[Scan]:
+        """The scans in order, without evaluation columns, as those of the stream ``name``."""
+        seen, offset = self.observed(), self.row_offset
+        for k, t in enumerate(self.time_ns.tolist()):
+            rows = slice(offset[k], offset[k + 1])
+            yield Scan(
+                name,
+                t,
+                {c: v[k] for c, v in seen.scan.items()},
+                {c: v[rows] for c, v in seen.rows.items()},
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scan:
+    """One scan or link event as an estimator sees it: scan values and row columns by name."""
+
+    stream: str
+    time_ns: int
+    scan: Mapping[str, Any]
+    rows: Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Objects:
+    """A ragged set of extended objects over time: truth or estimates.
+
+    ``time_ns`` (n,), ``row_offset`` (n + 1,), ``label`` (m,) int64, ``state`` (m, dx) with the
+    columns ``state_names`` in ``state_units`` (``x y vx vy ...``; ``device_x device_y`` is the
+    position of a device that the object carries). Optional: ``covariance`` (m, dx, dx),
+    ``existence`` (m,), class indices (m,) into ``class_names`` with their probabilities (m, nc),
+    and the extent: its kind (``circle ellipse ellipsoid rectangle``), ``semi_axes`` (m, k) [m] and
+    ``rotation`` (m,) [rad] in the plane or (m, 4) as a quaternion.
+    """
+
+    time_ns: Array
+    row_offset: Array
+    label: Array
+    state_names: tuple[str, ...]
+    state_units: tuple[str, ...]
+    state: Array
+    covariance: Array | None = None
+    existence: Array | None = None
+    class_names: tuple[str, ...] = ()
+    class_index: Array | None = None
+    class_probability: Array | None = None
+    extent_kind: str = ""
+    semi_axes: Array | None = None
+    rotation: Array | None = None
+
+    def columns(self, *names: str) -> Array:
+        """The state columns ``names`` as (m, len(names)); KeyError names what is absent."""
+        absent = [n for n in names if n not in self.state_names]
+        if absent:
+            raise KeyError(f"no state column {' '.join(absent)}")
+        return self.state[:, [self.state_names.index(n) for n in names]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """What really happened, for scoring: the objects, and the UWB links that were blocked.
+
+    ``blocked_time_ns``, ``blocked_tx``, ``blocked_rx`` (b,): active link events that delivered
+    nothing because something stood in the way.
+    """
+
+    objects: Objects
+    blocked_time_ns: Array = field(default_factory=lambda: np.zeros(0, np.int64))
+    blocked_tx: Array = field(default_factory=lambda: np.zeros(0, np.int32))
+    blocked_rx: Array = field(default_factory=lambda: np.zeros(0, np.int32))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Sensors by id, streams by name (``uwb``, ``radar/<id>``) and, where known, the truth."""
+
+    meta: Meta
+    sensors: Mapping[str, Sensor]
+    streams: Mapping[str, Stream]
+    truth: Truth | None = None
+
+    def observed(self) -> Recording:
+        """The recording as an estimator may see it: no truth, origins, provenance or seed."""
+        return Recording(
+            replace(self.meta, provenance={}),
+            self.sensors,
+            {name: s.observed() for name, s in self.streams.items()},
+        )
+
+    def setup(self) -> Recording:
+        """The observed recording with every stream emptied of its scans."""
+        seen = self.observed()
+        return replace(seen, streams={name: s.part(0, 0) for name, s in seen.streams.items()})
+
+    def scans(self) -> Iterator[Scan]:
+        """All observed scans in the order of (time, stream)."""
+        return merge(
+            *(s.scans(name) for name, s in sorted(self.streams.items())),
+            key=lambda scan: (scan.time_ns, scan.stream),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimates:
+    """What an estimator made of a recording, step by step.
+
+    ``steps`` holds one value or array per time of ``objects``: ``cardinality_mean``,
+    ``cardinality_variance`` and the estimator's diagnostics, (n, ...). ``recording`` is the
+    recording itself where it travels along (through a pipe).
+    """
+
+    meta: Meta
+    objects: Objects
+    steps: Mapping[str, Array]
+    recording: Recording | None = None
+
+    @property
+    def estimator(self) -> str:
+        """Name of the estimator."""
+        return str(self.meta.provenance["estimator"])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scores:
+    """A long table of scores, one row a number.
+
+    ``recording estimator metric part`` are tuples of strings; ``time`` [s] is NaN for the
+    aggregate over a recording; ``n`` counts what entered; ``stderr`` is NaN where none is known.
+    ``provenance`` is plain JSON: versions, metrics and their parameters.
+    """
+
+    recording: tuple[str, ...]
+    estimator: tuple[str, ...]
+    metric: tuple[str, ...]
+    part: tuple[str, ...]
+    time: Array
+    value: Array
+    n: Array
+    stderr: Array
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.recording)

@@ -1,0 +1,34 @@
+"""Plugins by entry point: formats, importers, estimators, scenarios and metrics, ours included."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from .errors import ParameterError
+from .parameters import suggestion
+
+
+@cache
+def _points(group: str) -> dict[str, EntryPoint]:
+    return {point.name: point for point in sorted(entry_points(group=group))}
+
+
+def names(group: str) -> list[str]:
+    """Names in the entry-point group, such as ``echoset.estimators``, in order."""
+    return list(_points(group))
+
+
+def load(group: str, name: str) -> Any:
+    """What the entry point ``name`` of ``group`` refers to.
+
+    Raises
+    ------
+    ParameterError : no such name, with the closest that there is
+    """
+    points = _points(group)
+    if name not in points:
+        kind = group.rpartition(".")[2].removesuffix("s")
+        raise ParameterError(f"unknown {kind} {name!r}{suggestion(name, points)}")
+    return points[name].load()
