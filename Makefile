@@ -1,0 +1,50 @@
+# Every target sets up what it needs in .venv; nothing else is written outside the project.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+RUNS ?= 4
+JOBS ?= 2
+export OMP_NUM_THREADS ?= 1
+
+.PHONY: demo test check verify bench marks clean
+
+$(STAMP): setup.cfg pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,plot]'
+	touch $@
+
+# The main job: simulate, estimate, score and report a small campaign into demo/.
+demo: $(STAMP)
+	rm -rf demo
+	$(BIN)/echoset simulate uwb-olos --runs $(RUNS) --seed 1 -o demo/recordings/
+	$(BIN)/echoset estimate -e eopda-geo demo/recordings/*.h5 -o demo/geo/ -j $(JOBS)
+	$(BIN)/echoset estimate -e eopda-ideal demo/recordings/*.h5 -o demo/ideal/ -j $(JOBS)
+	$(BIN)/echoset score demo/geo/*.h5 --truth demo/recordings/ -o demo/geo.csv
+	$(BIN)/echoset score demo/ideal/*.h5 --truth demo/recordings/ -o demo/ideal.csv
+	$(BIN)/echoset report demo/geo.csv demo/ideal.csv -o demo/report.md
+	cat demo/report.md
+
+# The unit tests.
+test: $(STAMP)
+	$(BIN)/python -m pytest
+
+# Style, types and unit tests: clean before every commit.
+check: $(STAMP)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/python -m pytest
+
+# The slow statistical checks.
+verify: $(STAMP)
+	$(BIN)/python -m pytest -m verification
+
+# All benchmarks; each file also runs alone.
+bench: $(STAMP)
+	for file in benchmarks/bench_*.py; do $(BIN)/python $$file || exit 1; done
+
+clean:
+	rm -rf demo build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
