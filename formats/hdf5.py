@@ -24,6 +24,7 @@ from ..models.errors import FormatError
 from ..models.records import Estimates, Meta, Recording, Scan, Stream
 from . import layout
 from . import tree as trees
+from .steady import SteadyFile
 from .steps import Windows
 from .tree import ArrayToken, Leaf, Tree
 
@@ -43,11 +44,12 @@ _ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, OverflowError
 # Writing
 
 
-class _Writer:
+class TreeWriter:
     """Puts leaves into an open file and keeps their tokens."""
 
     def __init__(self, target: Path | IO[bytes]) -> None:
-        self.file = h5py.File(target, "w")
+        self._disk = SteadyFile(target) if isinstance(target, Path) else None
+        self.file = h5py.File(self._disk or target, "w")
         self.tokens: dict[str, str | ArrayToken] = {}
 
     def put(self, path: str, leaf: Leaf) -> None:
@@ -65,6 +67,8 @@ class _Writer:
 
     def extend(self, path: str, part: np.ndarray[Any, Any]) -> None:
         """Append ``part`` to the dataset at ``path``, a ``row_offset`` shifted to fit."""
+        if self._disk:
+            self._disk.check()
         if path not in self.tokens:
             rows = max(1, _CHUNK_BYTES // max(1, part[:1].nbytes or part.itemsize))
             data = self.file.create_dataset(
@@ -101,7 +105,13 @@ class _Writer:
             content_digest=trees.digest(tokens),
             observed_digest=trees.digest(seen) if tokens["kind"] == _RECORDING else "",
         )
+        self.abort()
+
+    def abort(self) -> None:
+        """Close the file as it is."""
         self.file.close()
+        if self._disk:
+            self._disk.close()
 
 
 _RECORDING = trees.token("recording")
@@ -127,20 +137,20 @@ def write(record: Recording | Estimates, target: Path | IO[bytes]) -> None:
         writer.append(record)
         writer.close(record.meta, record.recording)
         return
-    out = _Writer(target)
+    out = TreeWriter(target)
     try:
         for path, leaf in trees.flatten(layout.to_tree(record)).items():
             out.put(path, leaf)
         out.close()
     finally:
-        out.file.close()
+        out.abort()
 
 
 class EstimatesWriter:
     """Writes estimates step by step, in windows of :data:`WINDOW` steps."""
 
     def __init__(self, target: Path | IO[bytes]) -> None:
-        self._out = _Writer(target)
+        self._out = TreeWriter(target)
         self._windows = Windows(WINDOW)
 
     def append(self, estimates: Estimates) -> None:
@@ -171,13 +181,13 @@ class EstimatesWriter:
 
     def abort(self) -> None:
         """Close the file as it is."""
-        self._out.file.close()
+        self._out.abort()
 
 
 # Reading
 
 
-class _Reader:
+class TreeReader:
     """An open file: its leaves by path, its tokens, and verified reading of each."""
 
     def __init__(self, source: Path | IO[bytes], path: object) -> None:
@@ -298,7 +308,7 @@ def read(source: Path | IO[bytes], path: object) -> Recording | Estimates:
     ------
     FormatError : the file is damaged, or holds something else
     """
-    reader = _Reader(source, path)
+    reader = TreeReader(source, path)
     try:
         record = layout.from_tree(reader.read(list(reader.leaves)), path)
     finally:
@@ -309,7 +319,7 @@ def read(source: Path | IO[bytes], path: object) -> Recording | Estimates:
 
 def inspect(source: Path | IO[bytes], path: object) -> dict[str, Any]:
     """Digests, attributes and the shapes of all datasets, without reading the data."""
-    reader = _Reader(source, path)
+    reader = TreeReader(source, path)
     try:
         small = [p for p, v in reader.leaves.items() if getattr(v, "ndim", 0) == 0]
         shapes = {p: v.shape for p, v in reader.leaves.items() if getattr(v, "ndim", 0)}
@@ -322,7 +332,7 @@ class Source:
     """A recording that is read scan by scan in windows."""
 
     def __init__(self, source: Path | IO[bytes], path: object, keep: bool = False) -> None:
-        self._reader = _Reader(source, path)
+        self._reader = TreeReader(source, path)
         self._keep = keep
         self.observed_digest = str(self._reader.header["observed_digest"])
         try:

@@ -54,7 +54,7 @@ def radar(layout: Layout, table: Table, F: Array, tables: Tables, truth: Truth |
         own = which == i
         key, row = ({k: v[own] for k, v in columns.items()} for columns in (keys, rows))
         stream = assemble(layout.kind, (name,), layout.model, time[own], key, row, detected[own])
-        streams[f"radar/{name}"] = replace(stream, scan={})
+        streams[name] = replace(stream, scan={})
     return sensors, streams
 
 

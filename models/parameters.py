@@ -12,9 +12,12 @@ import math
 import types
 import typing
 from collections.abc import Iterable, Mapping
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from .errors import InputError, ParameterError
+
+if TYPE_CHECKING:
+    from .records import Recording
 
 P = TypeVar("P")
 
@@ -71,6 +74,15 @@ def resolve(cls: type[P], *layers: tuple[str, Mapping[str, Any]]) -> P:
                 f"the recording's sensor model has no {f.name!r}: give it by --set {f.name}=..."
             )
     return cls(**values)
+
+
+def sensor_model(recording: Recording, cls: type[Any]) -> tuple[tuple[str, Mapping[str, Any]], ...]:
+    """Layers of the values that the recording's streams state for parameters of ``cls``."""
+    fields = {f.name for f in dataclasses.fields(cls)}
+    return tuple(
+        (f"streams/{name}/model", {k: v for k, v in stream.model.items() if k in fields})
+        for name, stream in sorted(recording.streams.items())
+    )
 
 
 def _coerce(value: Any, kind: Any, where: str) -> Any:

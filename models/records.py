@@ -176,7 +176,7 @@ class Truth:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """Sensors by id, streams by name (``uwb``, ``radar/<id>``) and, where known, the truth."""
+    """Sensors by id, streams by name (``uwb``, a radar by its id) and, where known, the truth."""
 
     meta: Meta
     sensors: Mapping[str, Sensor]

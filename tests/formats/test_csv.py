@@ -123,14 +123,14 @@ def test_other_ways_to_write_a_table(tmp_path: Path):
 
 def test_points_with_empty_scans(tmp_path: Path):
     log = read(tmp_path, "t,x,y\n1,1,2\n3,5,6\n2,,\n1,3,4\n", POINTS)
-    radar = log.streams["radar/radar"]
+    radar = log.streams["radar"]
     assert log.sensors["radar"].position.tolist() == [[0, 0, 0]]
     np.testing.assert_array_equal(radar.time_ns, np.array([1, 2, 3]) * 10**9)
     np.testing.assert_array_equal(radar.row_offset, [0, 2, 2, 3])
     np.testing.assert_array_equal(radar.rows["x"], [1, 3, 5])
     listed = {**POINTS, "scans": {"file": "s.csv", "columns": {"time": "at"}}}
     log = read(tmp_path, "t,x,y\n1,1,2\n", listed, s="at\n0\n1\n2\n")
-    np.testing.assert_array_equal(log.streams["radar/radar"].row_offset, [0, 0, 1, 1])
+    np.testing.assert_array_equal(log.streams["radar"].row_offset, [0, 0, 1, 1])
 
 
 def test_scan_ids_and_several_radars(tmp_path: Path):
@@ -138,7 +138,7 @@ def test_scan_ids_and_several_radars(tmp_path: Path):
     mapping = {**POINTS, "columns": columns, "sensors": {"a": [0, 0], "b": [1, 1]}}
     text = "t,k,s,x,y\n0.2,7,a,1,0\n0.1,7,a,2,0\n0.1,7,b,3,0\n0.5,8,a,4,0\n"
     log = read(tmp_path, text, mapping)
-    a, b = log.streams["radar/a"], log.streams["radar/b"]
+    a, b = log.streams["a"], log.streams["b"]
     np.testing.assert_array_equal(a.time_ns, [100_000_000, 500_000_000])
     np.testing.assert_array_equal(a.row_offset, [0, 2, 3])
     np.testing.assert_allclose(a.rows["time_offset"], [0.1, 0.0, 0.0], atol=1e-15)
@@ -151,7 +151,7 @@ def test_north_east_down(tmp_path: Path):
     frame = {"frame": ["north", "east", "down"], "sensors": {"radar": {"position": [10, 20, -5]}}}
     columns = {**POINTS["columns"], "z": "z"}
     log = read(tmp_path, "t,x,y,z\n0,1,2,3\n", {**POINTS, **frame, "columns": columns})
-    rows, sensor = log.streams["radar/radar"].rows, log.sensors["radar"]
+    rows, sensor = log.streams["radar"].rows, log.sensors["radar"]
     assert [rows[c][0] for c in "xyz"] == [2, 1, -3]
     assert sensor.position.tolist() == [[20, 10, 5]]
     np.testing.assert_allclose(sensor.quaternion, [[0, 0, 0, 1]], atol=1e-15)
@@ -159,7 +159,7 @@ def test_north_east_down(tmp_path: Path):
 
 def map_points(log: Recording) -> np.ndarray:
     """Detections of the first scan in the map, by the rotation formula of unit quaternions."""
-    radar, sensor = log.streams["radar/radar"], log.sensors["radar"]
+    radar, sensor = log.streams["radar"], log.sensors["radar"]
     rows = radar.rows
     if "range" in rows:
         angle = rows["azimuth"]
@@ -207,7 +207,7 @@ def test_compass_bearings(tmp_path: Path):
         "t,r,b\n0,1,0\n0,1,90\n0,1,300\n",
         {**BEARINGS, "frame": ["north", "east"], "columns": columns},
     )
-    azimuth = log.streams["radar/radar"].rows["azimuth"]
+    azimuth = log.streams["radar"].rows["azimuth"]
     np.testing.assert_allclose(np.rad2deg(azimuth), [90, 0, 150], atol=1e-12)
 
 
@@ -259,7 +259,7 @@ def test_optional_quantities_and_scale(tmp_path: Path):
         "std_azimuth": {"value": "1 deg"},
     }
     log = read(tmp_path, "t,r,b,v,snr\n0,1,0,36,30\n1,,,,\n", {**BEARINGS, "columns": columns})
-    rows = log.streams["radar/radar"].rows
+    rows = log.streams["radar"].rows
     np.testing.assert_allclose(rows["doppler"], [-10], rtol=1e-15)
     np.testing.assert_allclose(rows["power"], [1000], rtol=1e-13)
     np.testing.assert_allclose(rows["std_azimuth"], [np.pi / 180], rtol=1e-15)
@@ -381,4 +381,4 @@ def test_partial_measurements_are_refused(tmp_path: Path):
 
 def test_a_log_without_rows_has_no_events(tmp_path: Path):
     assert len(read(tmp_path, "t,id,r\n", RANGES).streams["uwb"]) == 0
-    assert len(read(tmp_path, "t,x,y\n", POINTS).streams["radar/radar"]) == 0
+    assert len(read(tmp_path, "t,x,y\n", POINTS).streams["radar"]) == 0

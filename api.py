@@ -1,0 +1,81 @@
+"""The commands as functions on records in memory, for notebooks and scripts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from . import formats
+from .formats.atomic import atomic
+from .formats.steps import concatenate
+from .models import registry
+from .models.errors import InputError
+from .models.parameters import as_dict, resolve, sensor_model
+from .models.random import generator
+from .models.records import Estimates, Recording, Scores
+
+
+def read(path: str | Path) -> Recording | Estimates:
+    """The recording or the estimates in a file.
+
+    Raises
+    ------
+    FormatError : it cannot be read, is damaged or of another kind
+    """
+    return formats.read(Path(path))
+
+
+def write(record: Recording | Estimates, path: str | Path) -> None:
+    """Write ``record`` in the format that the suffix of ``path`` stands for; replaces the file.
+
+    Raises
+    ------
+    ParameterError : no format has this suffix
+    FormatError : the record breaks its contract
+    """
+    path = Path(path)
+    with atomic(path, overwrite=True) as temporary:
+        formats.write(record, temporary, formats.suffix_format(path))
+
+
+def estimate(recording: Recording, estimator: str, seed: int = 1, **parameters: Any) -> Estimates:
+    """Run an estimator with ``parameters`` over a recording, as ``echoset estimate`` does.
+
+    Raises
+    ------
+    ParameterError : an unknown estimator or parameter, or an impossible value
+    InputError : the recording lacks what the estimator needs
+    EstimatorError : the estimator diverged
+    """
+    module = registry.load("echoset.estimators", estimator)
+    setup = recording.setup()
+    user = ("parameters", parameters)
+    params = resolve(module.Params, *sensor_model(setup, module.Params), user)
+    rng = generator(seed, f"estimate:{estimator}", recording.meta.name)
+    steps = list(module.estimate(setup, recording.scans(), params, rng))
+    if not steps:
+        raise InputError(f"{recording.meta.name}: has no scans to estimate from")
+    provenance = {
+        "estimator": estimator,
+        "parameters": as_dict(params),
+        "seed": seed,
+        "input": {"name": recording.meta.name, "digest": formats.observed_digest(recording)},
+    }
+    meta = replace(recording.meta, provenance=provenance)
+    return replace(concatenate(steps), meta=meta)
+
+
+def score(estimates: Estimates, recording: Recording, metric: str, **parameters: Any) -> Scores:
+    """Score estimates by a metric with ``parameters``, as ``echoset score`` does.
+
+    Raises
+    ------
+    ParameterError : an unknown metric or parameter, or an impossible value
+    InputError : there is no truth, or it or the estimates lack what the metric needs
+    """
+    module = registry.load("echoset.metrics", metric)
+    user = ("parameters", parameters)
+    params = resolve(module.Params, *sensor_model(recording, module.Params), user)
+    scores: Scores = module.score(estimates, recording, params)
+    return scores

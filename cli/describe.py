@@ -1,0 +1,70 @@
+"""``echoset describe``: parameters with unit, meaning and default, as YAML to be passed back."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import click
+
+from ..models import registry
+from ..models.errors import ParameterError
+from ..models.parameters import REQUIRED, suggestion
+from . import options
+from .outputs import say
+
+GROUPS = ("echoset.scenarios", "echoset.estimators", "echoset.metrics", "echoset.importers")
+
+
+@click.command("describe")
+@click.argument("name", type=options.Name(*GROUPS))
+@options.logging_options
+def command(name: str) -> None:
+    """Print the parameters of NAME as YAML.
+
+    NAME is a scenario, estimator, metric or importer. Edited, it can be passed back: a scenario
+    to 'simulate', the others by --config to 'estimate', 'score' and 'convert'.
+    """
+    groups = [group for group in GROUPS if name in registry.names(group)]
+    if not groups:
+        known = [known for group in GROUPS for known in registry.names(group)]
+        raise ParameterError(f"nothing is called {name!r}{suggestion(name, known)}")
+    for group in groups:
+        say("\n".join(describe(group, name)))
+
+
+def describe(group: str, name: str) -> Iterator[str]:
+    """The lines of the YAML for the entry point ``name`` of ``group``."""
+    from .config import dump
+
+    module = registry.load(group, name)
+    yield f"# {name}: {module.SUMMARY}"
+    for preset, values in getattr(module, "PRESETS", {}).items():
+        yield f"# --preset {preset}: {dump(values)}"
+    if group == "echoset.scenarios":
+        from .scenarios import find
+
+        values = {key: value for _, layer in find(name).layers for key, value in layer.items()}
+        yield f"scenario: {name}"
+        yield "parameters:"
+        yield from _parameters(module.Params, values, "  ")
+    elif group == "echoset.metrics":
+        yield f"{name}:"
+        yield from _parameters(module.Params, {}, "  ")
+    else:
+        yield from _parameters(module.Params, {}, "")
+
+
+def _parameters(params: Any, values: Mapping[str, Any], indent: str) -> Iterator[str]:
+    from .config import dump
+
+    for f in dataclasses.fields(params):
+        default = f.default_factory() if callable(f.default_factory) else f.default
+        value = values.get(f.name, default)
+        unit = f.metadata["unit"]
+        yield f"{indent}# {f.metadata['doc']}" + (f" [{unit}]" if unit not in ("", "1") else "")
+        if value is REQUIRED:
+            yield f"{indent}# {f.name}: from the recording"
+        else:
+            yield f"{indent}{f.name}: {dump(value)}"

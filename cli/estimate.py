@@ -1,0 +1,115 @@
+"""``echoset estimate``: an estimator over recordings."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import PurePath
+from typing import Any
+
+import click
+
+from . import options
+from .outputs import DASH, Policy, plan, scores_format, single
+
+
+@click.command("estimate")
+@click.option(
+    "-e",
+    "--estimator",
+    required=True,
+    type=options.Name("echoset.estimators"),
+    help="Name from 'echoset list estimators'.",
+)
+@click.argument("inputs", nargs=-1, required=True, metavar="IN...", type=click.Path())
+@options.output("File, folder (with a slash at the end) or - for stdout.")
+@options.data_format
+@click.option("--preset", metavar="NAME", help="Named set of parameters of the estimator.")
+@options.config
+@options.settings
+@options.seed
+@click.option(
+    "--ignore-sensor-model",
+    is_flag=True,
+    help="Take no parameters from the recording, as for a study of mismatch.",
+)
+@click.option("--keep", is_flag=True, help="Keep the mixture, particles or samples of every step.")
+@click.option(
+    "--timing",
+    type=click.Path(),
+    metavar="FILE",
+    help="Write the seconds of every step as scores, .csv, .json or .h5.",
+)
+@options.existing
+@options.batch
+@options.logging_options
+def command(
+    estimator: str,
+    inputs: tuple[str, ...],
+    output: str,
+    form: str | None,
+    preset: str | None,
+    config: str | None,
+    settings: tuple[str, ...],
+    seed: int,
+    ignore_sensor_model: bool,
+    keep: bool,
+    timing: str | None,
+    overwrite: bool,
+    skip_existing: bool,
+    jobs: int,
+    keep_going: bool,
+) -> None:
+    """Run an estimator over the recordings IN.
+
+    The estimates of a recording go into a folder as <stem of IN>.<estimator>.h5. Parameters come,
+    the later winning, from: defaults, the recording's sensor model, --preset, --config, --set.
+
+    \b
+    echoset estimate -e eopda-geo recordings/*.h5 -o estimates/ -j 2
+    echoset simulate uwb-olos -o - | echoset estimate -e eopda-geo - -o estimates.h5
+    """
+    from ..formats import scores
+    from ..models.errors import InputError, ParameterError
+    from ..models.parameters import resolve
+    from ..models.registry import load
+    from . import batch, exits
+    from . import config as configuration
+    from . import timing as timings
+    from .estimation import GROUP, Task, estimate
+
+    if DASH in inputs and len(inputs) > 1:
+        raise ParameterError("stdin holds one recording: '-' is to be the only input")
+    module = load(GROUP, estimator)
+    user = (*_chosen(module, estimator, preset, keep), *configuration.layers(config, settings))
+    with suppress(InputError):
+        resolve(module.Params, *user)
+    stems = ["stdin" if source == DASH else PurePath(source).stem for source in inputs]
+    policy = Policy(overwrite, skip_existing, keep_going)
+    targets = plan(output, [f"{stem}.{estimator}" for stem in stems], form, policy)
+    tasks = [
+        Task(source, target, estimator, user, not ignore_sensor_model, seed, len(inputs) == 1)
+        for source, target in zip(inputs, targets, strict=True)
+        if target is not None
+    ]
+    sink = single(timing, scores_format(timing), overwrite) if timing and tasks else None
+    times, code = batch.run(estimate, tasks, jobs, keep_going)
+    if sink and times:
+        with sink.open() as target:
+            scores.write(timings.scores(times), target, sink.format)
+    exits.end(code)
+
+
+def _chosen(module: Any, estimator: str, preset: str | None, keep: bool) -> Any:
+    """The layers that ``--preset`` and ``--keep`` stand for."""
+    from ..models.errors import ParameterError
+    from ..models.parameters import suggestion
+
+    if preset is not None:
+        if preset not in module.PRESETS:
+            hint = suggestion(preset, module.PRESETS) or f"; there are: {' '.join(module.PRESETS)}"
+            raise ParameterError(f"{estimator} has no preset {preset!r}{hint}")
+        yield f"--preset {preset}", module.PRESETS[preset]
+    if keep:
+        if "keep" not in module.Params.__dataclass_fields__:
+            raise ParameterError(f"{estimator} has nothing that --keep could keep")
+        yield "--keep", {"keep": True}

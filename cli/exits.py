@@ -1,0 +1,130 @@
+"""How the command ends: signals, errors and exit codes.
+
+=========  =========================================================================
+0          done
+1          internal error
+2          usage or configuration
+3          partial: with ``--keep-going``, some inputs failed for no graver reason
+4          input unreadable, corrupt or lacking what is needed
+5          output exists or cannot be written
+6          a ``--fail-if`` gate
+7          estimator failed
+128 + n    ended by signal n: 129 hang-up, 130 Ctrl-C, 141 closed pipe, 143 SIGTERM
+=========  =========================================================================
+
+Where several apply: signal > 1 > 7 > 5 > 4 > 3.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from time import monotonic
+from types import FrameType
+
+import click
+
+from ..models.errors import EchosetError
+from . import log
+
+SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
+PARTIAL, GATE = 3, 6
+_RANKING = (1, 7, 5, 4, PARTIAL)
+
+
+class Terminated(SystemExit):
+    """A signal has asked the process to end; unwinds through every clean-up."""
+
+    def __init__(self, signum: int) -> None:
+        super().__init__(128 + signum)
+
+
+class Ended(Exception):
+    """The command is over with an exit code, and all has been said."""
+
+    def __init__(self, exit_code: int) -> None:
+        super().__init__(exit_code)
+        self.exit_code = exit_code
+
+
+def worst(codes: Iterable[int], partial: bool) -> int:
+    """The exit code of several failures, ``partial`` if something succeeded beside them."""
+    found = {*codes, *([PARTIAL] if partial else [])}
+    return next((code for code in _RANKING if code in found), min(found, default=0))
+
+
+def end(code: int) -> None:
+    """Raise :class:`Ended` unless all went well."""
+    if code:
+        raise Ended(code)
+
+
+def exit_code(error: BaseException) -> int:
+    """The exit code that ``error`` stands for."""
+    return error.exit_code if isinstance(error, EchosetError | Ended) else 1
+
+
+def message(error: BaseException) -> str:
+    """What the user is told of ``error``."""
+    if isinstance(error, EchosetError):
+        return str(error)
+    return f"internal error: {type(error).__name__}: {error}"
+
+
+def handle_signals(patience: float = 1.0) -> None:
+    """Let the signals of :data:`SIGNALS` unwind the process, unless they are ignored.
+
+    Another one within ``patience`` seconds changes nothing: some senders signal both a process
+    and its group.
+    """
+    last = -math.inf
+
+    def terminate(signum: int, frame: FrameType | None) -> None:
+        nonlocal last
+        before, last = last, monotonic()
+        if last - before >= patience:
+            raise Terminated(signum)
+
+    for signum in SIGNALS:
+        if signal.getsignal(signum) is not signal.SIG_IGN:
+            signal.signal(signum, terminate)
+
+
+@contextmanager
+def signals() -> Iterator[None]:
+    """:func:`handle_signals` within the block."""
+    before = {signum: signal.getsignal(signum) for signum in SIGNALS}
+    handle_signals()
+    try:
+        yield
+    finally:
+        for signum, handler in before.items():
+            signal.signal(signum, handler)
+
+
+def run(function: Callable[[], object]) -> int:
+    """Call ``function``, tell its error in one line, and return the exit code."""
+    try:
+        with signals():
+            function()
+            sys.stdout.flush()
+    except Terminated as error:
+        return int(str(error.code))
+    except click.exceptions.Exit as error:
+        return error.exit_code
+    except click.ClickException as error:
+        log.error(error.format_message())
+        return 2
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
+    except Ended as error:
+        return error.exit_code
+    except Exception as error:
+        log.error(message(error), error)
+        return exit_code(error)
+    return 0

@@ -1,0 +1,72 @@
+"""Inputs by name: files, or stdin as ``-``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import IO
+
+from ..models.errors import InputError, ParameterError
+from ..models.records import Estimates, Recording, Scores
+from .outputs import DASH
+
+SCORES = (".csv", ".json")
+
+
+def label(source: str) -> str:
+    """What messages call an input."""
+    return "<stdin>" if source == DASH else source
+
+
+def stdin() -> IO[bytes]:
+    """The binary stream of stdin.
+
+    Raises
+    ------
+    ParameterError : that is a terminal
+    """
+    if sys.stdin.isatty():
+        raise ParameterError("stdin is a terminal: '-' reads data from a pipe")
+    return sys.stdin.buffer
+
+
+def opened(source: str) -> Path | IO[bytes]:
+    """The file called ``source``, or stdin."""
+    return stdin() if source == DASH else Path(source)
+
+
+def read(source: str) -> Recording | Estimates:
+    """The recording or estimates called ``source``, verified."""
+    from .. import formats
+
+    return formats.read(opened(source), label(source))
+
+
+def read_scores(source: str) -> Scores:
+    """The scores called ``source``, verified."""
+    from ..formats import scores
+
+    return scores.read(opened(source), label(source))
+
+
+def read_any(source: str) -> Recording | Estimates | Scores:
+    """Whatever is in the file ``source``, verified."""
+    from .. import formats
+
+    path = Path(source)
+    if path.suffix in SCORES or formats.inspect(path).get("kind") == "scores":
+        return read_scores(source)
+    return formats.read(path)
+
+
+def read_estimates(source: str) -> Estimates:
+    """The estimates called ``source``, verified.
+
+    Raises
+    ------
+    InputError : it holds a recording
+    """
+    record = read(source)
+    if isinstance(record, Recording):
+        raise InputError(f"{label(source)}: holds a recording, not estimates")
+    return record

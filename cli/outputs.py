@@ -1,0 +1,168 @@
+"""Where outputs go: files that appear whole, or stdout."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from shutil import copyfileobj
+from tempfile import TemporaryDirectory
+from typing import IO
+
+from ..models.errors import OutputError, ParameterError
+from . import log
+
+DASH = "-"
+BINARY = ("h5", "mcap")
+_SEEKING = ("h5",)
+"""Formats that cannot be written to a stream as they grow."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """One output: a file, or stdout where ``path`` is None, in a named format."""
+
+    path: Path | None
+    format: str
+    overwrite: bool = False
+
+    @contextmanager
+    def open(self) -> Iterator[Path | IO[bytes]]:
+        """A path or binary stream to write to; what is written shows when the block ends well.
+
+        Raises
+        ------
+        OutputError : it exists or cannot be written
+        """
+        if self.path is not None:
+            from ..formats.atomic import atomic
+
+            with atomic(self.path, self.overwrite) as temporary:
+                yield temporary
+            return
+        with _stdout() as stream:
+            if self.format in _SEEKING:
+                with TemporaryDirectory() as folder:
+                    path = Path(folder) / "output"
+                    yield path
+                    with path.open("rb") as file:
+                        copyfileobj(file, stream)
+            else:
+                yield stream
+
+    def write_text(self, text: str) -> None:
+        """Write ``text`` as the whole output."""
+        with self.open() as target:
+            if isinstance(target, Path):
+                target.write_text(text, encoding="utf-8")
+            else:
+                target.write(text.encode())
+
+
+@contextmanager
+def _stdout() -> Iterator[IO[bytes]]:
+    try:
+        sys.stdout.flush()
+        yield sys.stdout.buffer
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputError(f"stdout: cannot be written: {error.strerror or error}") from error
+
+
+def say(line: str) -> None:
+    """Write a line of text to stdout."""
+    Target(None, "text").write_text(line + "\n")
+
+
+def single(output: str, form: str, overwrite: bool = False) -> Target:
+    """The target of a command with one output.
+
+    Raises
+    ------
+    ParameterError : binary data would go to a terminal
+    OutputError : it exists
+    """
+    from ..formats.atomic import refuse_existing
+
+    if output == DASH:
+        if form in BINARY and sys.stdout.isatty():
+            raise ParameterError(f"{form} is binary and stdout a terminal: use -o FILE or a pipe")
+        return Target(None, form)
+    refuse_existing(Path(output), overwrite)
+    return Target(Path(output), form, overwrite)
+
+
+def scores_format(output: str) -> str:
+    """The format of scores for ``output``: by its suffix, CSV on stdout.
+
+    Raises
+    ------
+    ParameterError : an unknown suffix
+    """
+    from ..formats.scores import SUFFIXES
+
+    if output == DASH:
+        return "csv"
+    suffix = Path(output).suffix
+    if suffix not in SUFFIXES:
+        raise ParameterError(f"-o {output}: scores are written as .csv, .json or .h5")
+    return SUFFIXES[suffix]
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """What becomes of outputs that exist: an error at once, or with ``late`` only of its own."""
+
+    overwrite: bool = False
+    skip_existing: bool = False
+    late: bool = False
+
+    def __post_init__(self) -> None:
+        if self.overwrite and self.skip_existing:
+            raise ParameterError("--overwrite and --skip-existing exclude each other")
+
+    def target(self, path: Path, form: str) -> Target | None:
+        """The target at ``path``, None if it is to be skipped."""
+        from ..formats.atomic import refuse_existing
+
+        if self.skip_existing and path.is_file():
+            log.logger.info("%s: exists, skipped", path)
+            return None
+        if not self.late:
+            refuse_existing(path, self.overwrite)
+        return Target(path, form, self.overwrite)
+
+
+def plan(
+    output: str, names: Sequence[str], form: str | None, policy: Policy
+) -> list[Target | None]:
+    """The target of each of ``names``: recordings or estimates; None for one to be skipped.
+
+    A folder (that exists, or is written with a slash at the end) takes ``<name>.<suffix>``, a file
+    or stdout one output only.
+
+    Raises
+    ------
+    ParameterError : several outputs into one, a format that is unknown or for no terminal
+    OutputError : an output exists and is to be neither overwritten nor skipped
+    """
+    from ..formats import suffix_format
+    from ..models.registry import load
+
+    if output != DASH and (output.endswith("/") or Path(output).is_dir()):
+        form = form or "h5"
+        suffix = load("echoset.formats", form).SUFFIXES[0]
+        twice = [name for name, count in Counter(names).items() if count > 1]
+        if twice:
+            raise ParameterError(f"-o {output}: two outputs would be called {twice[0]}{suffix}")
+        return [policy.target(Path(output) / (name + suffix), form) for name in names]
+    if len(names) > 1:
+        raise ParameterError(f"-o {output}: {len(names)} outputs need a folder, such as -o out/")
+    form = form or ("mcap" if output == DASH else suffix_format(Path(output)))
+    load("echoset.formats", form)
+    return [single(output, form) if output == DASH else policy.target(Path(output), form)]

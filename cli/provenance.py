@@ -1,0 +1,12 @@
+"""What outputs say of the software that made them."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+from .. import __version__
+
+
+def versions() -> dict[str, str]:
+    """Versions of echoset and of the packages that its numbers come from."""
+    return {"echoset": __version__, **{name: version(name) for name in ("numpy", "scipy")}}

@@ -1,0 +1,97 @@
+"""``echoset score``: estimates against the truth."""
+
+from __future__ import annotations
+
+import click
+
+from . import options
+from .outputs import DASH, scores_format, single
+
+
+@click.command("score")
+@click.argument("estimates", nargs=-1, required=True, metavar="EST...", type=click.Path())
+@click.option(
+    "--truth",
+    multiple=True,
+    type=click.Path(),
+    metavar="FILE|DIR",
+    help="Recording of the estimates, or a folder where it is; any number of times.",
+)
+@click.option(
+    "-m",
+    "--metrics",
+    type=options.Name("echoset.metrics"),
+    metavar="NAME,...",
+    help="Metrics from 'echoset list metrics'.  [default: all that apply]",
+)
+@click.option("--pool", is_flag=True, help="Add rows pooled over the recordings, called *.")
+@click.option(
+    "--segments",
+    metavar="START:STOP,...",
+    help="Add aggregates over these spans of time, in seconds, both ends included.",
+)
+@click.option(
+    "--fail-if",
+    "gates",
+    multiple=True,
+    metavar="'METRIC[:PART] > X'",
+    help="End with exit code 6 if an aggregate is so; also >= < <=; any number of times.",
+)
+@options.config
+@options.settings
+@options.output("Scores, .csv, .json or .h5, or - for CSV on stdout.", default=DASH)
+@options.overwrite
+@options.batch
+@options.logging_options
+def command(
+    estimates: tuple[str, ...],
+    truth: tuple[str, ...],
+    metrics: str | None,
+    pool: bool,
+    segments: str | None,
+    gates: tuple[str, ...],
+    config: str | None,
+    settings: tuple[str, ...],
+    output: str,
+    overwrite: bool,
+    jobs: int,
+    keep_going: bool,
+) -> None:
+    """Measure the estimates EST against the truth.
+
+    The recording is the one that came along through a pipe, or is found by its digest among
+    --truth. A parameter is set for all metrics that have it by NAME, for one by METRIC.NAME.
+
+    \b
+    echoset score estimates/*.h5 --truth recordings/ --pool -o scores.csv
+    echoset score est.h5 --truth rec.h5 -m rmse,nees --set rmse.skip=10 -o -
+    """
+    from ..formats import scores as files
+    from ..metrics import pooling
+    from ..metrics import segments as spans
+    from ..metrics.table import concatenate
+    from ..models import registry
+    from . import batch, exits, log
+    from . import config as configuration
+    from .gate import Gate
+    from .scoring import GROUP, Task, layers, score
+
+    target = single(output, scores_format(output), overwrite)
+    limits = [Gate.parse(text) for text in gates]
+    bounds = spans.parse(segments) if segments else ()
+    names = [name.strip() for name in metrics.split(",")] if metrics else registry.names(GROUP)
+    chosen = layers(names, configuration.layers(config, settings))
+    tasks = [Task(source, truth, chosen, required=bool(metrics)) for source in estimates]
+    tables, code = batch.run(score, tasks, jobs, keep_going)
+    quadratic = {q for name in names for q in registry.load(GROUP, name).QUADRATIC}
+    table = concatenate(tables)
+    if bounds:
+        table = spans.segments(table, bounds, quadratic)
+    if pool:
+        table = concatenate([table, pooling.pool(table, quadratic)])
+    failures = [line for limit in limits for line in limit.failures(table)]
+    with target.open() as opened:
+        files.write(table, opened, target.format)
+    for line in failures:
+        log.error(f"gate: {line}")
+    exits.end(code or (exits.GATE if failures else 0))

@@ -1,0 +1,115 @@
+"""``echoset simulate``: recordings from a scenario."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import click
+
+from . import options
+from .outputs import DASH, Policy, Target, plan
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One recording to be simulated."""
+
+    label: str
+    scenario: str
+    parameters: Any
+    seed: int
+    run: int
+    target: Target
+
+
+def simulate(task: Task) -> None:
+    """Simulate one recording and write it."""
+    from ..formats import write
+    from ..models.parameters import as_dict
+    from ..models.random import generator
+    from ..models.registry import load
+    from .progress import announce_compilation
+    from .provenance import versions
+    from .scenarios import GROUP
+
+    module = load(GROUP, task.scenario)
+    announce_compilation()
+    rng = generator(task.seed, "simulate", task.label)
+    recording = module.simulate(task.parameters, rng, task.label)
+    provenance = {
+        "scenario": task.scenario,
+        "parameters": as_dict(task.parameters),
+        "seed": task.seed,
+        "run": task.run,
+        "versions": versions(),
+    }
+    meta = replace(recording.meta, provenance=provenance)
+    with task.target.open() as target:
+        write(replace(recording, meta=meta), target, task.target.format)
+
+
+@click.command("simulate")
+@click.argument("scenario", type=options.Name("echoset.scenarios"))
+@click.option(
+    "--runs",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Number of recordings, each with a random stream of its own.",
+)
+@click.option(
+    "--first-run",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Number of the first of them, for parts of a campaign.",
+)
+@options.seed
+@options.settings
+@options.output("File, folder (with a slash at the end) or - for stdout.")
+@options.data_format
+@options.existing
+@options.batch
+@options.logging_options
+def command(
+    scenario: str,
+    runs: int,
+    first_run: int,
+    seed: int,
+    settings: tuple[str, ...],
+    output: str,
+    form: str | None,
+    overwrite: bool,
+    skip_existing: bool,
+    jobs: int,
+    keep_going: bool,
+) -> None:
+    """Simulate recordings of SCENARIO.
+
+    SCENARIO is a name from 'echoset list scenarios' or a YAML file, as 'echoset describe' prints
+    it. Recordings are called <scenario>-s<seed>-<run>.
+
+    \b
+    echoset simulate uwb-olos --runs 100 -o recordings/
+    echoset simulate uwb-olos --set mean_clutter=10 -o cluttered.h5
+    """
+    from ..models.errors import ParameterError
+    from ..models.parameters import resolve
+    from . import batch, exits
+    from .config import layers
+    from .scenarios import find
+
+    if runs > 1 and output == DASH:
+        raise ParameterError("--runs above 1 needs a folder: stdout takes one recording")
+    found = find(scenario)
+    parameters = resolve(found.module.Params, *found.layers, *layers(None, settings))
+    numbers = range(first_run, first_run + runs)
+    names = [f"{found.title}-s{seed}-{number:04d}" for number in numbers]
+    targets = plan(output, names, form, Policy(overwrite, skip_existing, keep_going))
+    tasks = [
+        Task(name, found.name, parameters, seed, number, target)
+        for name, number, target in zip(names, numbers, targets, strict=True)
+        if target is not None
+    ]
+    exits.end(batch.run(simulate, tasks, jobs, keep_going)[1])

@@ -1,0 +1,60 @@
+"""The recording that estimates were made from, found by its digest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from .. import formats
+from ..models.errors import FormatError, InputError
+from ..models.records import Estimates, Recording
+
+
+def find(estimates: Estimates, label: str, places: Sequence[str]) -> Recording:
+    """The recording that came along with ``estimates``, or the one among ``places``.
+
+    A place is a file or a folder of files, in which those called like the recording come first.
+
+    Raises
+    ------
+    InputError : there is none, or only others
+    """
+    if estimates.recording is not None:
+        return estimates.recording
+    if not places:
+        raise InputError(f"{label}: no recording came along: name it, or its folder, by --truth")
+    origin = estimates.meta.provenance.get("input")
+    digest = origin.get("digest") if isinstance(origin, dict) else None
+    if not isinstance(digest, str) or not digest:
+        raise InputError(f"{label}: does not say which recording it was made from")
+    for path in _candidates(places, (estimates.meta.name, Path(label).stem)):
+        if _digest(path, path in map(Path, places)) == digest:
+            record = formats.read(path)
+            assert isinstance(record, Recording)
+            return record
+    where = " ".join(places)
+    raise InputError(f"{label}: was made from another recording than {where}: the digests differ")
+
+
+def _candidates(places: Iterable[str], names: tuple[str, ...]) -> Iterator[Path]:
+    for place in map(Path, places):
+        if place.is_dir():
+            files = (p for p in place.iterdir() if p.is_file() and not p.name.startswith("."))
+            yield from sorted(files, key=lambda p: (not any(map(p.stem.startswith, names)), p.name))
+        else:
+            yield place
+
+
+def _digest(path: Path, named: bool) -> str | None:
+    """The digest of a recording; None for another file in a folder."""
+    try:
+        found = formats.inspect(path)
+    except FormatError:
+        if named:
+            raise
+        return None
+    if found["kind"] == "recording":
+        return str(found["observed_digest"])
+    if named:
+        raise InputError(f"{path}: holds {found['kind']}, not a recording")
+    return None

@@ -1,0 +1,54 @@
+"""Numbers of objects: how many there were, how many were estimated.
+
+``cardinality`` has the parts ``true``, ``estimated`` (objects in the output) and ``error``, the
+latter less the former; where the estimator states a mean of its posterior, also ``mean`` and
+``mean-error``. Aggregates are means over the steps, so that of an error is the bias;
+``cardinality-absolute`` holds the means of the absolute errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..models.records import Estimates, Recording, Scores
+from .series import Steps, mean_stderr, parts
+from .sets import sets
+from .table import concatenate, rows
+
+SUMMARY = "number of objects, true and estimated, and its error"
+PARTS = ("true", "estimated", "error", "mean", "mean-error")
+NEEDS_SCANS = False
+QUADRATIC = ()
+Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Params(Steps):
+    """Which steps are scored."""
+
+
+def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
+    """Numbers per step and their means, errors, and the number of steps left out.
+
+    Raises
+    ------
+    InputError : no truth, no positions in common, or nothing to score
+    """
+    aligned = sets(estimates, recording, params)
+    true, estimated = aligned.counts
+    values = {"true": true, "estimated": estimated, "error": estimated - true}
+    if "cardinality_mean" in estimates.steps:
+        mean = estimates.steps["cardinality_mean"][aligned.steps]
+        values |= {"mean": mean, "mean-error": mean - true}
+    names = recording.meta.name, estimates.estimator
+    tables = [parts((*names, "cardinality"), aligned, values, params.block)]
+    for part in ("error", "mean-error"):
+        if part in values:
+            size = np.abs(values[part])
+            key = (*names, "cardinality-absolute", part)
+            spread = mean_stderr(size, params.block)
+            tables.append(rows(key, np.nan, size.mean(), len(size), spread))
+    return concatenate(tables)

@@ -1,0 +1,84 @@
+"""Normalised estimation error squared: is the error as large as the covariance says?
+
+``e^T P^-1 e`` is chi-square with dx degrees of freedom if the estimate is Gaussian and its
+covariance right: mean dx = 2 for a position in the plane, and a single value inside
+:func:`bounds` = [0.0506, 7.378] with probability 0.95. Over N independent recordings the mean lies
+inside ``bounds(N)``; steps of one recording depend on each other. Bar-Shalom, Li, Kirubarajan,
+Estimation with Applications to Tracking and Navigation, 2001, section 5.4.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammaincinv
+
+from ..models.errors import InputError
+from ..models.parameters import parameter, require
+from ..models.records import Array, Estimates, Recording, Scores
+from .alignment import Pairs, Window, pairs
+from .errors import axes, check_parts, chosen, deviation
+from .table import concatenate, rows
+
+SUMMARY = "normalised estimation error squared of the position, and how often it is in its bounds"
+PARTS = ("device", "centre")
+NEEDS_SCANS = False
+QUADRATIC = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Params(Window):
+    """What is scored, and the probability of the bounds."""
+
+    parts: tuple[str, ...] = parameter((), "1", "device, centre; empty: all there are")
+    probability: float = parameter(0.95, "1", "probability of the two-sided bounds")
+
+    def __post_init__(self) -> None:
+        Window.__post_init__(self)
+        check_parts(self.parts, PARTS)
+        require(0 < self.probability < 1, "probability", "between 0 and 1", self.probability)
+
+
+def bounds(n: int = 1, dx: int = 2, probability: float = 0.95) -> tuple[float, float]:
+    """Two-sided bounds of the mean of ``n`` independent chi-square values of ``dx`` degrees."""
+    tail = (1 - probability) / 2
+    low, high = 2 / n * gammaincinv(n * dx / 2, [tail, 1 - tail])
+    return float(low), float(high)
+
+
+def nees(part: str, aligned: Pairs) -> Array:
+    """The normalised error squared of the position ``part`` at each step, (k,)."""
+    objects = aligned.estimate
+    if objects.covariance is None:
+        raise InputError("the estimates have no covariance")
+    columns = [objects.state_names.index(n) for n in axes(part, objects, aligned.truth)]
+    P = objects.covariance[:, columns][:, :, columns]
+    e = deviation(part, aligned)[..., None]
+    try:
+        return np.asarray((e * np.linalg.solve(P, e)).sum((1, 2)))
+    except np.linalg.LinAlgError:
+        raise InputError(f"a covariance of the {part} is singular") from None
+
+
+def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
+    """``nees`` per step and its mean, and ``nees-inside``, the fraction inside the bounds.
+
+    Raises
+    ------
+    InputError : no truth, no or a singular covariance, several objects, or nothing to score
+    """
+    aligned = pairs(estimates, recording, params)
+    tables = []
+    for part in chosen(params.parts, PARTS, aligned):
+        value = nees(part, aligned)
+        dx = len(axes(part, aligned.estimate, aligned.truth))
+        low, high = bounds(1, dx, params.probability)
+        inside = np.mean((low <= value) & (value <= high))
+        key = recording.meta.name, estimates.estimator
+        tables += [
+            rows((*key, "nees", part), aligned.time, value),
+            rows((*key, "nees", part), np.nan, value.mean(), len(value)),
+            rows((*key, "nees-inside", part), np.nan, inside, len(value)),
+        ]
+    return concatenate(tables)

@@ -1,0 +1,58 @@
+"""Optimal sub-pattern assignment distance between true and estimated positions.
+
+For m <= n points, with distances cut off at c (Schuhmacher, Vo and Vo, A consistent metric for
+performance evaluation of multi-object filters, 2008, eq. 3)::
+
+    OSPA = ((min over permutations of sum d_c(x_i, y_i)^p + c^p (n - m)) / n)^(1/p)
+
+Its parts (eqs. 7 and 8) are ``localisation``, from the sum, and ``cardinality``, from the rest;
+their p-th powers add up to that of the whole. Two empty sets are 0 apart, an empty one is c from
+any other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..models.records import Estimates, Recording, Scores
+from .assignment import matched
+from .series import Distance, parts
+from .sets import Sets, sets
+
+SUMMARY = "OSPA distance between estimated and true positions, and its parts"
+PARTS = ("localisation", "cardinality")
+NEEDS_SCANS = False
+QUADRATIC = ()
+Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Params(Distance):
+    """Which steps are scored, with which order and cut-off."""
+
+
+def ospa(aligned: Sets, order: float, cutoff: float) -> dict[str, Array]:
+    """OSPA (n,) [m] at each step, called ``""``, and its parts by name."""
+    power, pairs = matched(aligned.near(cutoff), order, cutoff, len(aligned))
+    m, n = np.sort(aligned.counts, axis=0)
+    size = np.maximum(n, 1)
+    localisation = (power + cutoff**order * (m - pairs)) / size
+    cardinality = cutoff**order * (n - m) / size
+    powers = (localisation + cardinality, localisation, cardinality)
+    return {k: v ** (1 / order) for k, v in zip(("", *PARTS), powers, strict=True)}
+
+
+def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
+    """OSPA [m] and its parts per step, their means, and the number of steps left out.
+
+    Raises
+    ------
+    InputError : no truth, no positions in common, or nothing to score
+    """
+    aligned = sets(estimates, recording, params)
+    values = ospa(aligned, params.order, params.cutoff)
+    key = (recording.meta.name, estimates.estimator, "ospa")
+    return parts(key, aligned, values, params.block)

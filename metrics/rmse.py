@@ -1,0 +1,65 @@
+"""Root mean square error of the device's and the object's position and of the extent.
+
+For one recording, ``rmse`` at a time is the error itself and the aggregate is the root of its mean
+square over the steps, with a standard error by block bootstrap over consecutive steps. Pooling
+(:mod:`.pooling`) makes the root mean square over recordings of both, and ``rmse-mean``, the mean
+over time of the pooled error. ``rmse-left-out`` counts the steps without truth or estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..models.parameters import parameter, require
+from ..models.records import Estimates, Recording, Scores
+from .alignment import Window, pairs
+from .bootstrap import block_stderr
+from .errors import PARTS, check_parts, chosen, error
+from .table import concatenate, rows
+
+SUMMARY = "root mean square error of device, centre and extent, per step and over all"
+NEEDS_SCANS = False
+QUADRATIC = ("rmse",)
+__all__ = ["NEEDS_SCANS", "PARTS", "QUADRATIC", "SUMMARY", "Params", "score"]
+
+
+@dataclass(frozen=True, slots=True)
+class Params(Window):
+    """What is scored, and how its standard error is found."""
+
+    parts: tuple[str, ...] = parameter((), "1", "device, centre, extent; empty: all there are")
+    block: int = parameter(
+        20, "1", "steps in a bootstrap block, longer than errors last; 0: no stderr"
+    )
+    resamples: int = parameter(1000, "1", "resamples of the bootstrap")
+
+    def __post_init__(self) -> None:
+        Window.__post_init__(self)
+        check_parts(self.parts, PARTS)
+        require(self.block >= 0, "block", "at least 0", self.block)
+        require(self.resamples >= 2, "resamples", "at least 2", self.resamples)
+
+
+def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
+    """Errors [m] per step, their root mean square, and the number of steps left out.
+
+    Raises
+    ------
+    InputError : no truth, several objects, a part that is missing, or nothing to score
+    """
+    aligned = pairs(estimates, recording, params)
+    names = recording.meta.name, estimates.estimator
+    tables = []
+    for part in chosen(params.parts, PARTS, aligned):
+        e = error(part, aligned)
+        whole = float(np.sqrt(np.mean(e**2)))
+        spread = block_stderr(e**2, params.block, params.resamples)
+        tables += [
+            rows((*names, "rmse", part), aligned.time, e),
+            rows((*names, "rmse", part), np.nan, whole, len(e), spread),
+        ]
+    steps = len(aligned.time) + aligned.left_out
+    tables.append(rows((*names, "rmse-left-out", ""), np.nan, aligned.left_out, steps))
+    return concatenate(tables)

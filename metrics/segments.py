@@ -1,0 +1,52 @@
+"""Aggregates over segments of time: rows whose part is ``<part>@<start>:<stop>``."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from ..models.errors import ParameterError
+from ..models.records import Scores
+from .pooling import QUADRATIC
+from .table import concatenate, groups, keys, rows
+
+
+def parse(text: str) -> tuple[tuple[float, float], ...]:
+    """Segments from ``start:stop,...`` [s], both ends included.
+
+    Raises
+    ------
+    ParameterError : it does not read so
+    """
+    try:
+        pairs = [tuple(map(float, item.split(":"))) for item in text.split(",")]
+        segments = tuple((start, stop) for start, stop in pairs)
+    except ValueError:
+        raise ParameterError(f"segments must be start:stop,..., got {text!r}") from None
+    for start, stop in segments:
+        if not start <= stop:
+            raise ParameterError(f"segment {start:g}:{stop:g} must not end before it starts")
+    return segments
+
+
+def segments(
+    scores: Scores,
+    bounds: Sequence[tuple[float, float]],
+    quadratic: Collection[str] = QUADRATIC,
+) -> Scores:
+    """``scores`` and, from their rows per time, an aggregate for each segment of ``bounds`` [s].
+
+    Both ends are included. The aggregate is the root of the mean square over the steps for
+    quadratic metrics, otherwise the mean; ``n`` is the number of steps. It pools like any other.
+    """
+    tables = [scores]
+    for key, indices in groups(keys(scores)).items():
+        time, value = scores.time[indices], scores.value[indices]
+        for start, stop in bounds:
+            v = value[(start <= time) & (time <= stop)]
+            if len(v):
+                mean = np.sqrt(np.mean(v**2)) if key[2] in quadratic else np.mean(v)
+                part = f"{key[3]}@{start:g}:{stop:g}"
+                tables.append(rows((*key[:3], part), np.nan, mean, len(v)))
+    return concatenate(tables)

@@ -1,0 +1,20 @@
+"""Motion models."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .records import Array
+
+
+def constant_velocity(dt: float) -> tuple[Array, Array]:
+    """Transition ``F`` (4, 4) and noise gain ``G`` (4, 2) of constant velocity in the plane.
+
+    The state is x y vx vy [m, m/s]; the acceleration is white and constant over each step of
+    ``dt`` [s], so the process noise is ``sigma_a^2 G G^T``. Bar-Shalom, Li and Kirubarajan,
+    "Estimation with Applications to Tracking and Navigation", section 6.3.2.
+    """
+    I, O = np.eye(2), np.zeros((2, 2))
+    F = np.block([[I, dt * I], [O, I]])
+    G = np.vstack((dt**2 / 2 * I, dt * I))
+    return F, G

@@ -1,0 +1,50 @@
+"""Ranges of an ultra-wideband network: path lengths, free-space amplitudes and range noise.
+
+Positions are (..., 2) and broadcast against each other.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .records import Array
+
+SPEED_OF_LIGHT = 299_792_458.0
+"""Speed of light [m/s]."""
+
+
+def range_std(amplitude: Any, rms_bandwidth: float) -> Any:
+    """Standard deviation [m] of a range measured at an amplitude, by Fisher information.
+
+    ``amplitude`` (...) is normalised: the square root of the signal-to-noise ratio;
+    ``rms_bandwidth`` [Hz] is the root mean squared bandwidth. Zhu et al., below eq. (4).
+    """
+    return SPEED_OF_LIGHT / (np.sqrt(8.0) * np.pi * rms_bandwidth * amplitude)
+
+
+def free_space_amplitude(path_length: Any, snr_db: float) -> Any:
+    """Normalised amplitude (...) over a path (...) [m], with ``snr_db`` [dB] at one metre."""
+    return 10.0 ** (snr_db / 20.0) / path_length
+
+
+def distance(start: Array, end: Array) -> Array:
+    """Length (...) [m] of the direct path between two positions; of the LOS path in eq. (4)."""
+    length: Array = np.hypot(start[..., 0] - end[..., 0], start[..., 1] - end[..., 1])
+    return length
+
+
+def scatter_distance(tx: Array, scatterer: Array, rx: Array) -> Array:
+    """Length (...) [m] of the path from ``tx`` over a scatterer to ``rx``, h_P of eq. (8)."""
+    return distance(tx, scatterer) + distance(scatterer, rx)
+
+
+def device_position(centre: Array, bias_distance: Any, bias_angle: Any) -> Array:
+    """Position (..., 2) of the device of an object at ``centre``, eq. (3).
+
+    The bias b from centre to device has length b_rho [m] and angle b_phi [rad].
+    """
+    offset = np.stack((np.cos(bias_angle), np.sin(bias_angle)), axis=-1)
+    position: Array = centre + np.asarray(bias_distance)[..., None] * offset
+    return position

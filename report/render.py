@@ -1,0 +1,173 @@
+"""Tables as Markdown, CSV, LaTeX, HTML and JSON."""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+import json
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from ..models.errors import ParameterError
+from ..models.parameters import suggestion
+from .table import Cell, Number, Table, plain
+
+Provenance = Mapping[str, Any]
+
+
+def render(tables: Sequence[Table], format: str, provenance: Provenance | None = None) -> str:
+    """``tables`` as the text of a file in one of :data:`FORMATS`, with its provenance.
+
+    CSV and JSON hold all digits; the others what the standard error leaves.
+
+    Raises
+    ------
+    ParameterError : an unknown format
+    """
+    if format not in FORMATS:
+        raise ParameterError(f"unknown format {format!r}{suggestion(format, FORMATS)}")
+    return FORMATS[format](tables, provenance or {})
+
+
+def _json_line(provenance: Provenance) -> str:
+    return json.dumps(provenance, sort_keys=True, allow_nan=False)
+
+
+def _comment(provenance: Provenance) -> str:
+    """Provenance as a comment of HTML and Markdown, which must not hold two hyphens."""
+    if not provenance:
+        return ""
+    line = _json_line(provenance).replace("--", "-\\u002d")
+    return f"<!-- provenance: {line} -->\n"
+
+
+def _markdown(tables: Sequence[Table], provenance: Provenance) -> str:
+    def line(cells: Sequence[str]) -> str:
+        escaped = (re.sub(r"([\\|*_<>`\[\]])", r"\\\1", c).replace("\n", " ") for c in cells)
+        return f"| {' | '.join(escaped)} |\n"
+
+    text = _comment(provenance)
+    for t in tables:
+        text += f"\n## {t.title}\n\n" if t.title else "\n"
+        rule = ("---" if isinstance(c, str) else "---:" for c in _first(t))
+        text += line(t.columns) + f"|{'|'.join(rule)}|\n"
+        text += "".join(line([plain(c) for c in row]) for row in t.rows)
+    return text.lstrip("\n")
+
+
+def _first(table: Table) -> list[Cell]:
+    """A cell of each column that tells its alignment."""
+    columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.columns)
+    return [next((c for c in column if c is not None), "") for column in columns]
+
+
+def _csv(tables: Sequence[Table], provenance: Provenance) -> str:
+    """Tables one after the other, an empty line and a line ``# title`` between them."""
+    text = io.StringIO()
+    if provenance:
+        text.write(f"# provenance: {_json_line(provenance)}\n")
+    writer = csv.writer(text, lineterminator="\n")
+    for i, t in enumerate(tables):
+        text.write("\n" * (i > 0) + (f"# {t.title}\n" if t.title else ""))
+        columns = list(zip(*t.rows, strict=True)) if t.rows else [()] * len(t.columns)
+        expanded = [_expand(n, c) for n, c in zip(t.columns, columns, strict=True)]
+        writer.writerow([name for column in expanded for name in column])
+        values = [v for column in expanded for v in column.values()]
+        writer.writerows(zip(*values, strict=True))
+    return text.getvalue()
+
+
+def _expand(name: str, cells: Sequence[Cell]) -> dict[str, list[Any]]:
+    """A column of cells as columns of plain values: value, standard error, validity."""
+    numbers = [c if isinstance(c, Number) else None for c in cells]
+    values = [c.value if isinstance(c, Number) else c for c in cells]
+    columns: dict[str, list[Any]] = {name: values}
+    if any(n and not math.isnan(n.stderr) for n in numbers):
+        columns[f"{name} stderr"] = [
+            n.stderr if n and not math.isnan(n.stderr) else None for n in numbers
+        ]
+    if any(n and not n.valid for n in numbers):
+        columns[f"{name} valid"] = [int(n.valid) if n else None for n in numbers]
+    return columns
+
+
+_LATEX = {c: f"\\{c}" for c in "&%$#_{}"} | {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "±": r"$\pm$",
+}
+
+
+def _latex(tables: Sequence[Table], provenance: Provenance) -> str:
+    def line(cells: Sequence[str]) -> str:
+        escaped = ("".join(_LATEX.get(c, c) for c in cell).replace("\n", " ") for cell in cells)
+        return f"{' & '.join(escaped)} \\\\\n"
+
+    text = f"% provenance: {_json_line(provenance)}\n" if provenance else ""
+    for t in tables:
+        kind = "".join("l" if isinstance(c, str) else "r" for c in _first(t))
+        caption = "".join(_LATEX.get(c, c) for c in t.title)
+        text += f"\\begin{{table}}\n\\centering\n\\caption{{{caption}}}\n"
+        text += f"\\begin{{tabular}}{{{kind}}}\n\\hline\n{line(t.columns)}\\hline\n"
+        text += "".join(line([plain(c) for c in row]) for row in t.rows)
+        text += "\\hline\n\\end{tabular}\n\\end{table}\n"
+    return text
+
+
+_STYLE = (
+    "body{font-family:sans-serif;margin:2em}table{border-collapse:collapse;margin-bottom:2em}"
+    "th,td{padding:.2em .7em;border-bottom:1px solid #ccc;text-align:right}"
+    "caption{text-align:left;font-weight:bold;padding:.4em 0}th.t,td.t{text-align:left}"
+)
+
+
+def _html(tables: Sequence[Table], provenance: Provenance) -> str:
+    text = '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+    text += f"<title>echoset report</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+    text += _comment(provenance)
+    for t in tables:
+        kind = [' class="t"' if isinstance(c, str) else "" for c in _first(t)]
+
+        def line(cells: Sequence[str], tag: str, kind: Sequence[str] = kind) -> str:
+            inside = "".join(
+                f"<{tag}{k}>{html.escape(c)}</{tag}>" for c, k in zip(cells, kind, strict=True)
+            )
+            return f"<tr>{inside}</tr>\n"
+
+        text += f"<table>\n<caption>{html.escape(t.title)}</caption>\n"
+        text += f"<thead>\n{line(t.columns, 'th')}</thead>\n<tbody>\n"
+        text += "".join(line([plain(c) for c in row], "td") for row in t.rows)
+        text += "</tbody>\n</table>\n"
+    return text + "</body>\n</html>\n"
+
+
+def _json(tables: Sequence[Table], provenance: Provenance) -> str:
+    def value(cell: Cell) -> Any:
+        if not isinstance(cell, Number):
+            return cell
+        stderr = None if math.isnan(cell.stderr) else cell.stderr
+        return {"value": cell.value, "stderr": stderr, "valid": cell.valid}
+
+    tree = {
+        "provenance": dict(provenance),
+        "tables": [
+            {"title": t.title, "columns": t.columns, "rows": [list(map(value, r)) for r in t.rows]}
+            for t in tables
+        ],
+    }
+    return json.dumps(tree, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+FORMATS: Mapping[str, Callable[[Sequence[Table], Provenance], str]] = {
+    "md": _markdown,
+    "csv": _csv,
+    "latex": _latex,
+    "html": _html,
+    "json": _json,
+}
