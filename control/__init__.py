@@ -1,0 +1,1 @@
+"""Closed loops of simulator, estimator and policy."""
