@@ -5,9 +5,10 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 RUNS ?= 4
 JOBS ?= 2
+SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check verify bench marks clean
+.PHONY: demo test check verify bench marks control-table clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -21,10 +22,16 @@ demo: $(STAMP)
 	$(BIN)/echoset simulate uwb-olos --runs $(RUNS) --seed 1 -o demo/recordings/
 	$(BIN)/echoset estimate -e eopda-geo demo/recordings/*.h5 -o demo/geo/ -j $(JOBS)
 	$(BIN)/echoset estimate -e eopda-ideal demo/recordings/*.h5 -o demo/ideal/ -j $(JOBS)
-	$(BIN)/echoset score demo/geo/*.h5 --truth demo/recordings/ -o demo/geo.csv
-	$(BIN)/echoset score demo/ideal/*.h5 --truth demo/recordings/ -o demo/ideal.csv
-	$(BIN)/echoset report demo/geo.csv demo/ideal.csv -o demo/report.md
-	cat demo/report.md
+	$(BIN)/echoset score demo/geo/*.h5 demo/ideal/*.h5 --truth demo/recordings/ \
+	    -m rmse,cdf,pcrlb,pcrlb-star --segments $(SEGMENTS) -o demo/scores.csv
+	$(BIN)/echoset report demo/scores.csv -o demo/report.md
+	$(BIN)/python examples/picture.py demo/recordings/uwb-olos-s1-0000.h5 \
+	    demo/geo/uwb-olos-s1-0000.eopda-geo.h5 demo/scene.svg
+	sed -n 3,10p demo/report.md
+
+# The README's table: 100 runs, every estimator. An hour on two cores.
+marks: $(STAMP)
+	$(BIN)/python benchmarks/marks_eopda.py
 
 # The unit tests.
 test: $(STAMP)
@@ -44,6 +51,10 @@ verify: $(STAMP)
 # All benchmarks; each file also runs alone.
 bench: $(STAMP)
 	for file in benchmarks/bench_*.py; do $(BIN)/python $$file || exit 1; done
+
+# Figures 2-6 of the sensor control paper as tables.
+control-table: $(STAMP)
+	$(BIN)/python benchmarks/control_table.py
 
 clean:
 	rm -rf demo build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache

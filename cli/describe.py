@@ -8,7 +8,6 @@ from typing import Any
 
 import click
 
-from ..models import registry
 from ..models.errors import ParameterError
 from ..models.parameters import REQUIRED, suggestion
 from . import options
@@ -26,6 +25,8 @@ def command(name: str) -> None:
     NAME is a scenario, estimator, metric or importer. Edited, it can be passed back: a scenario
     to 'simulate', the others by --config to 'estimate', 'score' and 'convert'.
     """
+    from ..models import registry
+
     groups = [group for group in GROUPS if name in registry.names(group)]
     if not groups:
         known = [known for group in GROUPS for known in registry.names(group)]
@@ -36,7 +37,8 @@ def command(name: str) -> None:
 
 def describe(group: str, name: str) -> Iterator[str]:
     """The lines of the YAML for the entry point ``name`` of ``group``."""
-    from .config import dump
+    from ..formats.plain_yaml import dump
+    from ..models import registry
 
     module = registry.load(group, name)
     yield f"# {name}: {module.SUMMARY}"
@@ -57,7 +59,7 @@ def describe(group: str, name: str) -> Iterator[str]:
 
 
 def _parameters(params: Any, values: Mapping[str, Any], indent: str) -> Iterator[str]:
-    from .config import dump
+    from ..formats.plain_yaml import dump
 
     for f in dataclasses.fields(params):
         default = f.default_factory() if callable(f.default_factory) else f.default

@@ -9,7 +9,6 @@ import click
 from click.shell_completion import CompletionItem
 from click.types import StringParamType
 
-from ..models import registry
 from . import log
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -27,6 +26,8 @@ class Name(StringParamType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
+        from ..models import registry
+
         found = (name for group in self.groups for name in registry.names(group))
         return [CompletionItem(name) for name in found if name.startswith(incomplete)]
 

@@ -9,7 +9,7 @@ from ..metrics.table import concatenate
 from ..models import registry
 from ..models.errors import InputError, ParameterError
 from ..models.parameters import as_dict, resolve, sensor_model, suggestion
-from ..models.records import Scores
+from ..models.records import Estimates, Recording, Scores
 from . import inputs, log, truth
 from .config import Layer
 from .progress import announce_compilation
@@ -48,8 +48,11 @@ def score(task: Task) -> Scores:
     estimates = inputs.read_estimates(task.source)
     recording = truth.find(estimates, task.label, task.truth)
     tables, refused, used = [], [], {}
+    single = not task.required and _is_one_object(estimates, recording)
     for name, user in task.metrics.items():
         metric = registry.load(GROUP, name)
+        if metric.FOR_SETS and single:
+            continue
         announce_compilation()
         params = resolve(metric.Params, *sensor_model(recording, metric.Params), *user)
         try:
@@ -63,6 +66,12 @@ def score(task: Task) -> Scores:
     if not tables:
         raise refused[0]
     return replace(concatenate(tables), provenance={"metrics": used, "versions": versions()})
+
+
+def _is_one_object(estimates: Estimates, recording: Recording) -> bool:
+    """Whether truth and estimates hold exactly one object all the time."""
+    sets = [estimates.objects, *([recording.truth.objects] if recording.truth else [])]
+    return all((o.row_offset[1:] - o.row_offset[:-1] == 1).all() for o in sets)
 
 
 def layers(names: Iterable[str], user: Iterable[Layer]) -> Layers:

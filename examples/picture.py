@@ -39,8 +39,9 @@ def draw(recording: echoset.Recording, estimates: echoset.Estimates, target: Pat
             axes = 2 * objects.semi_axes[k]
             scene.add_patch(Ellipse(centre, *axes, fill=False, color=colour))
     scene.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    scene.legend(loc="lower right", fontsize="small")
-    offset = np.diff([o.columns("device_x", "device_y") for o in (truth, estimates.objects)], axis=0)
+    scene.legend(loc="upper left", fontsize="small")
+    devices = [o.columns("device_x", "device_y") for o in (truth, estimates.objects)]
+    offset = np.diff(devices, axis=0)
     t = estimates.objects.time_ns / 1e9
     error.plot(t, np.linalg.norm(offset[0], axis=1), color=ORANGE)
     blocked = np.unique(recording.truth.blocked_time_ns, return_counts=True)

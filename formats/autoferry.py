@@ -29,8 +29,9 @@ import numpy as np
 from ..models.checks import check
 from ..models.errors import InputError
 from ..models.parameters import as_dict, parameter, require
-from ..models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
+from ..models.records import Array, Meta, Recording, Sensor, Stream, Truth
 from .documents import Document, read_json, shown
+from .fixes import Fixes, together
 
 SUMMARY = "radar and lidar points and true vessels of the Autoferry benchmark (JSON)"
 SENSORS = {"radar": 2, "lidar": 1}
@@ -182,7 +183,7 @@ def _points(log: Document, record: object, where: str) -> Array:
 
 
 def _truth(document: Document, max_gap: float) -> Truth:
-    fixes: dict[int, dict[int, list[float]]] = {}
+    fixes: Fixes = {}
     for i, targets in enumerate(document.content):
         if not isinstance(targets, list):
             document.fail(f"[{i}]", f"{shown(targets)} is not a list of targets")
@@ -192,36 +193,11 @@ def _truth(document: Document, max_gap: float) -> Truth:
             if not isinstance(label, Decimal) or not 0 <= label < 2**31 or label != int(label):
                 document.fail(f"{where}.targetID", f"{shown(label)} is not a label")
             position = _get(document, target, "position", where)
-            fix = document.vector(position, f"{where}.position", 2, 3)
+            north, east, *_ = document.vector(position, f"{where}.position", 2, 3)
+            track = fixes.setdefault(int(label), {})
             time = _time(document, target, where)
-            if fixes.setdefault(int(label), {}).setdefault(time, fix) != fix:
+            if track.setdefault(time, (east, north)) != (east, north):
                 document.fail(where, "the same vessel elsewhere at the same time")
     if not fixes:
         raise InputError(f"{document.path}: there is no vessel")
-    return Truth(_together(sorted(fixes.items()), max_gap))
-
-
-def _together(fixes: list[tuple[int, dict[int, list[float]]]], max_gap: float) -> Objects:
-    """All vessels at the times of fixes at which each is known."""
-    time = np.unique([t for _, track in fixes for t in track])
-    kept = np.ones(len(time), bool)
-    tracks = []
-    for _, track in fixes:
-        t = np.sort(np.fromiter(track, np.int64, len(track)))
-        p = np.array([track[key] for key in t.tolist()])
-        after = np.searchsorted(t, time).clip(max=len(t) - 1)
-        before = np.where(t[after] == time, after, np.maximum(after - 1, 0))
-        kept &= (t[before] <= time) & (time <= t[after])
-        kept &= t[after] - t[before] <= max_gap * 1e9
-        w = (time - t[before]) / np.maximum(t[after] - t[before], 1)
-        tracks.append(p[before] + w[:, None] * (p[after] - p[before]))
-    north_east = np.stack(tracks, 1)[kept]
-    n, count = len(north_east), len(fixes)
-    return Objects(
-        time[kept],
-        np.arange(n + 1) * count,
-        np.tile(np.array([label for label, _ in fixes], np.int64), n),
-        ("x", "y"),
-        ("m", "m"),
-        np.ascontiguousarray(north_east[:, :, 1::-1].reshape(-1, 2)),
-    )
+    return Truth(together(fixes, max_gap))

@@ -67,12 +67,11 @@ from typing import Any
 
 import numpy as np
 
-from ..models.checks import check
+from ..models.checks import NAME, check
 from ..models.errors import InputError, ParameterError
 from ..models.parameters import parameter, require
 from ..models.records import Array, Meta, Objects, Recording, Truth
 from .delimited import fields, read_table
-from .layout import NAME
 from .links import uwb
 from .mapping import MEASUREMENT, OPTIONAL, Layout, Tables, load
 from .points import radar

@@ -383,6 +383,8 @@ class Source:
             tokens[path].update(values)
             return values
 
+        for path in tokens:
+            part(path, 0, 0)
         previous = np.iinfo(np.int64).min
         offset = part(offsets, 0, 1)
         for start in range(0, len(self._data(times)), WINDOW):

@@ -21,13 +21,12 @@ from typing import NoReturn
 
 import numpy as np
 
-from ..models.checks import check
+from ..models.checks import NAME, check
 from ..models.columns import ACTIVE
 from ..models.errors import FormatError, InputError
 from ..models.parameters import as_dict, parameter, require
 from ..models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
 from .events import assemble
-from .layout import NAME
 from .text import TextFile, nanoseconds, numbers, read_text
 
 SUMMARY = "UWB two-way ranges and ground truth in the text form of libRSF (The Labyrinth Dataset)"

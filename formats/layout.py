@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from ..models.checks import NAME
 from ..models.columns import COLUMNS
 from ..models.errors import FormatError
 from ..models.records import (
@@ -25,9 +25,6 @@ from . import tree as trees
 from .tree import Tree
 
 FORMAT_VERSION = 1
-NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
-"""What sensors, streams and steps may be called: safe in paths, topics and HDF5."""
-
 _UNITS = {
     "time_ns": "ns",
     "position": "m",

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from ..models.errors import ParameterError
 from ..models.parameters import require, resolve, suggestion
 from .delimited import Dialect, Table, fields, read_table
+from .plain_yaml import parse
 from .text import TextFile
 
 MEASUREMENT = {"uwb": ("distance",), "position": ("x", "y"), "range_bearing": ("range", "azimuth")}
@@ -31,28 +29,6 @@ UNUSED = {
 }
 
 
-class _Loader(yaml.SafeLoader):
-    """Plain data only: 1e-3 is a number, a date is text."""
-
-    yaml_implicit_resolvers = {  # noqa: RUF012
-        first: [(tag, pattern) for tag, pattern in found if not tag.endswith(":timestamp")]
-        for first, found in yaml.SafeLoader.yaml_implicit_resolvers.items()
-    }
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        """Refuse aliases, with which a small file can hold a huge mapping."""
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("aliases are not allowed")
-        return super().compose_node(parent, index)
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+.0123456789"),
-)
-
-
 def load(source: object) -> tuple[dict[str, Any], Path | None]:
     """The mapping itself, or that in the YAML file ``source``, and the folder of the file.
 
@@ -64,14 +40,12 @@ def load(source: object) -> tuple[dict[str, Any], Path | None]:
         return _plain(source, "mapping"), None
     path = Path(str(source))
     try:
-        found = yaml.load(path.read_text(encoding="utf-8"), _Loader)
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise ParameterError(f"mapping {path}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f"line {mark.line + 1}: " if mark else ""
-        problem = getattr(error, "problem", None) or str(error)
-        raise ParameterError(f"mapping {path}: {place}{problem}") from error
+    except UnicodeDecodeError as error:
+        raise ParameterError(f"mapping {path}: not UTF-8 text") from error
+    found = parse(text, f"mapping {path}")
     if not isinstance(found, dict):
         raise ParameterError(f"mapping {path}: must map keys to values")
     return _plain(found, f"mapping {path}"), path.parent

@@ -21,6 +21,7 @@ from .table import concatenate, rows
 SUMMARY = "number of objects, true and estimated, and its error"
 PARTS = ("true", "estimated", "error", "mean", "mean-error")
 NEEDS_SCANS = False
+FOR_SETS = True
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
 

@@ -21,6 +21,7 @@ from .table import concatenate, rows
 SUMMARY = "cumulative distribution of the position error over the steps"
 PARTS = ("device", "centre")
 NEEDS_SCANS = False
+FOR_SETS = False
 QUADRATIC = ()
 GRID = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0)
 

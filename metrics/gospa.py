@@ -28,6 +28,7 @@ from .table import concatenate, rows
 SUMMARY = "GOSPA distance (alpha 2) between estimated and true positions, and its parts"
 PARTS = ("localisation", "missed", "false")
 NEEDS_SCANS = False
+FOR_SETS = True
 QUADRATIC = ("gospa-rms",)
 Array = np.ndarray[Any, Any]
 

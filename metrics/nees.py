@@ -24,6 +24,7 @@ from .table import concatenate, rows
 SUMMARY = "normalised estimation error squared of the position, and how often it is in its bounds"
 PARTS = ("device", "centre")
 NEEDS_SCANS = False
+FOR_SETS = False
 QUADRATIC = ()
 
 

@@ -25,6 +25,7 @@ from .sets import Sets, sets
 SUMMARY = "OSPA distance between estimated and true positions, and its parts"
 PARTS = ("localisation", "cardinality")
 NEEDS_SCANS = False
+FOR_SETS = True
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
 

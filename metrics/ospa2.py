@@ -24,6 +24,7 @@ from .sets import Sets, sets
 SUMMARY = "OSPA(2) distance between estimated and true tracks over a sliding window"
 PARTS = ("localisation", "cardinality")
 NEEDS_SCANS = False
+FOR_SETS = True
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
 

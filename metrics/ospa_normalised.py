@@ -29,6 +29,7 @@ from .sets import Sets, sets
 SUMMARY = "OSPA divided by the number of different objects, as in joint sensing papers"
 PARTS = ("localisation", "missed", "false")
 NEEDS_SCANS = False
+FOR_SETS = True
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
 

@@ -14,6 +14,8 @@ class Metric(Protocol):
     ``PARTS`` : what it can score: ``device``, ``centre``, ``extent``, ...
     ``NEEDS_SCANS`` : whether it reads link events or scans; without them the recording may come
     with empty streams
+    ``FOR_SETS`` : whether it scores sets of objects: not asked for by name, it is left out where
+    there is one object, and one estimate, all the time
     ``QUADRATIC`` : those of its metric names that are roots of mean squares, so that pooling
     averages their squares
     ``Params`` : frozen dataclass of parameters (see :mod:`echoset.models.parameters`); those
@@ -23,6 +25,7 @@ class Metric(Protocol):
     SUMMARY: str
     PARTS: tuple[str, ...]
     NEEDS_SCANS: bool
+    FOR_SETS: bool
     QUADRATIC: tuple[str, ...]
     Params: type[Any]
 

@@ -18,13 +18,14 @@ from ..models.errors import InputError
 from ..models.parameters import parameter
 from ..models.records import Estimates, Recording, Scores
 from ..models.regions import contains, polygon, polygons, statistics
-from .series import Steps, parts
+from .series import Steps, parts, series
 from .sets import sets
 from .table import concatenate
 
 SUMMARY = "number of targets in regions: error of its mean, and its standard deviation"
 PARTS = ()
 NEEDS_SCANS = False
+FOR_SETS = False
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
 
@@ -54,22 +55,19 @@ def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
     if not regions:
         raise InputError(f"{estimates.meta.name}: no regions: give regional.regions.NAME=...")
     aligned = sets(estimates, recording, params)
-    values: dict[str, dict[str, Array]] = {"": {}, "-error": {}, "-std": {}, "-true": {}}
+    names = recording.meta.name, estimates.estimator
+    error, tables = {}, []
     for name, corners in regions.items():
         mean, variance = (v[aligned.steps] for v in _moments(estimates, name, corners, own))
         inside = contains(polygon(corners), aligned.position_truth[:, :2])
-        true = np.add.reduceat(
-            np.append(inside, False).astype(float), aligned.truth.row_offset[:-1]
-        )
-        true[aligned.counts[0] == 0] = 0.0
-        found = (np.abs(mean - true), mean - true, np.sqrt(np.maximum(variance, 0.0)), true)
-        for kind, value in zip(values, found, strict=True):
-            values[kind][name] = value
-    names = recording.meta.name, estimates.estimator
-    return concatenate(
-        parts((*names, f"regional{kind}"), aligned, found, params.block)
-        for kind, found in values.items()
-    )
+        step = np.repeat(np.arange(len(aligned)), aligned.counts[0])
+        true = np.bincount(step[inside], minlength=len(aligned)).astype(float)
+        error[name] = np.abs(mean - true)
+        std = np.sqrt(np.maximum(variance, 0.0))
+        for kind, values in (("error", mean - true), ("std", std), ("true", true)):
+            key = (*names, f"regional-{kind}", name)
+            tables.append(series(key, aligned.time, values, params.block))
+    return concatenate([parts((*names, "regional"), aligned, error, params.block), *tables])
 
 
 def _moments(
@@ -85,13 +83,14 @@ def _moments(
         )
     columns = [steps[f"mixture_{key}"] for key in ("weight", "mean", "covariance", "detection")]
     region = {name: polygon(corners)}
-    found = [_of_step(*row, region)[name] for row in zip(*columns, strict=True)]
+    found = [_of_step(row, region)[name] for row in zip(*columns, strict=True)]
     mean, variance = np.reshape(found, (-1, 2)).T
     return mean, variance
 
 
 def _of_step(
-    w: Array, m: Array, P: Array, detection: Array, regions: Mapping[str, Array]
+    mixture: tuple[Array, ...], regions: Mapping[str, Array]
 ) -> dict[str, tuple[float, float]]:
+    w, m, P, detection = mixture
     used = w > 0
     return statistics(w[used], m[used], P[used], detection[used], regions)

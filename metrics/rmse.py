@@ -21,8 +21,9 @@ from .table import concatenate, rows
 
 SUMMARY = "root mean square error of device, centre and extent, per step and over all"
 NEEDS_SCANS = False
+FOR_SETS = False
 QUADRATIC = ("rmse",)
-__all__ = ["NEEDS_SCANS", "PARTS", "QUADRATIC", "SUMMARY", "Params", "score"]
+__all__ = ["FOR_SETS", "NEEDS_SCANS", "PARTS", "QUADRATIC", "SUMMARY", "Params", "score"]
 
 
 @dataclass(frozen=True, slots=True)

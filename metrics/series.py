@@ -17,13 +17,16 @@ from .table import Key, concatenate, rows
 Array = np.ndarray[Any, Any]
 
 
+def _block() -> Any:
+    doc = "steps in a block of the bootstrap behind standard errors, 0 for none"
+    return parameter(50, "1", doc)
+
+
 @dataclass(frozen=True, slots=True)
 class Steps(Span):
     """Which steps are scored, and how the standard error of their mean is found."""
 
-    block: int = parameter(
-        50, "1", "steps in a block of the bootstrap behind standard errors, 0 for none"
-    )
+    block: int = _block()
 
     def __post_init__(self) -> None:
         Span.__post_init__(self)
@@ -31,16 +34,27 @@ class Steps(Span):
 
 
 @dataclass(frozen=True, slots=True)
-class Distance(Steps):
-    """The same, and the distance between two sets."""
+class Pairing(Span):
+    """Which steps are scored, and which true and estimated objects belong together."""
 
     order: float = parameter(2.0, "1", "order p: how much outliers weigh")
     cutoff: float = parameter(10.0, "m", "cut-off c: no pair this far apart is assigned")
 
     def __post_init__(self) -> None:
-        Steps.__post_init__(self)
+        Span.__post_init__(self)
         require(self.order >= 1, "order", "at least 1", self.order)
         require(self.cutoff > 0, "cutoff", "positive", self.cutoff)
+
+
+@dataclass(frozen=True, slots=True)
+class Distance(Pairing):
+    """The same, and how the standard error of their mean is found."""
+
+    block: int = _block()
+
+    def __post_init__(self) -> None:
+        Pairing.__post_init__(self)
+        require(self.block >= 0, "block", "at least 0", self.block)
 
 
 def mean_stderr(values: Array, block: int) -> float:

@@ -15,9 +15,9 @@ one of them is tracked.
 ``label-changes``    how often the label that tracks an object changes, per object
 ===================  =================================================================
 
-Completeness and coverage have a part ``object-<label>`` for each true object besides the whole.
-Every number is a mean over ``n`` things, so recordings pool exactly. What has nothing to be a mean
-of is left out.
+With ``by_object``, completeness and coverage also have a part ``object-<label>`` for each true
+object. Every number is a mean over ``n`` things, so recordings pool exactly. What has nothing to be
+a mean of is left out.
 """
 
 from __future__ import annotations
@@ -27,22 +27,26 @@ from typing import Any
 
 import numpy as np
 
+from ..models.parameters import parameter
 from ..models.records import Estimates, Recording, Scores
 from .assignment import assign
-from .series import Distance
+from .series import Pairing
 from .sets import Sets, sets
 from .table import concatenate, rows
 
 SUMMARY = "completeness, ambiguity, false objects and label changes, after SIAP"
 PARTS = ("object-<label>",)
 NEEDS_SCANS = False
+FOR_SETS = True
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Params(Distance):
-    """Which steps are scored, with which order and cut-off."""
+class Params(Pairing):
+    """Which steps are scored, with which order and cut-off, and what is told of single objects."""
+
+    by_object: bool = parameter(False, "1", "also completeness and coverage of each true object")
 
 
 def siap(aligned: Sets, order: float, cutoff: float) -> dict[tuple[str, str], tuple[float, int]]:
@@ -53,13 +57,12 @@ def siap(aligned: Sets, order: float, cutoff: float) -> dict[tuple[str, str], tu
     covered, tracked = (np.isin(np.arange(len(label)), p.first) for p in (pairs, own))
     estimates = int(aligned.estimate.row_offset[-1])
     near = len(np.unique(pairs.second))
-    names = np.unique(label)
+    names, index, times = np.unique(label, return_inverse=True, return_counts=True)
     found: dict[tuple[str, str], tuple[float, int]] = {}
     for metric, seen in (("completeness", tracked), ("coverage", covered)):
         found[metric, ""] = seen.sum(), len(label)
-        for name in names.tolist():
-            mine = seen[label == name]
-            found[metric, f"object-{name}"] = mine.sum(), len(mine)
+        for name, *share in zip(names, np.bincount(index, seen), times, strict=True):
+            found[metric, f"object-{name}"] = share[0], share[1]
     found["ambiguity", ""] = near, covered.sum()
     found["spurious", ""] = estimates - near, estimates
     found["false-objects", ""] = estimates - len(own), len(aligned)
@@ -88,5 +91,5 @@ def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
     return concatenate(
         rows((*names, metric, part), np.nan, total / n, n)
         for (metric, part), (total, n) in siap(aligned, params.order, params.cutoff).items()
-        if n
+        if n and (params.by_object or not part)
     )

@@ -7,6 +7,7 @@ value that breaks the rule, as ``streams/uwb/rows/distance[12]``.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn
@@ -17,6 +18,8 @@ from .columns import ACTIVE, COLUMNS, PASSIVE, REQUIRED, STREAM_KINDS, Column
 from .errors import FormatError
 from .records import Array, Estimates, Model, Objects, Recording, Sensor, Stream, Truth
 
+NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
+"""What sensors and streams may be called: safe in paths, topics and HDF5."""
 SENSOR_KINDS = ("radar", "anchor", "device")
 EXTENT_AXES = {"circle": 2, "ellipse": 2, "rectangle": 2, "ellipsoid": 3}
 """Extent kinds and the number of their semi-axes; with three, the rotation is a quaternion."""
@@ -36,6 +39,9 @@ def check(record: Recording | Estimates, path: object = "recording") -> None:
         if record.recording is not None:
             check(record.recording, path)
         return
+    for name in (*record.sensors, *record.streams):
+        if not NAME.fullmatch(name):
+            _Place(path, "").fail(f"{name!r} is not a legal name")
     for name, sensor in record.sensors.items():
         _check_sensor(sensor, _Place(path, f"sensors/{name}"))
     for name, stream in record.streams.items():

@@ -8,6 +8,7 @@ filter", eqs. 5-7.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,12 @@ def polygon(corners: Any, name: str = "region") -> Array:
     if not (turn > 0).all() or abs(abs(angle) - 2 * np.pi) > 1e-6:
         raise ParameterError(f"{name} must be convex, without corners on a line")
     return a
+
+
+@lru_cache(maxsize=64)
+def box(bounds: tuple[float, ...]) -> Array:
+    """Corners of a box of parameters, made once; not to be written to."""
+    return polygon(bounds)
 
 
 def polygons(regions: Mapping[str, Any]) -> dict[str, Array]:

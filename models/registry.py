@@ -29,6 +29,6 @@ def load(group: str, name: str) -> Any:
     """
     points = _points(group)
     if name not in points:
-        kind = group.rpartition(".")[2].removesuffix("s")
+        kind = group.rpartition(".")[2].replace("ies", "y").removesuffix("s")
         raise ParameterError(f"unknown {kind} {name!r}{suggestion(name, points)}")
     return points[name].load()

@@ -25,7 +25,6 @@ class Params(points.Positions):
         "m",
         "x_min, x_max, y_min, y_max of the false alarms and of the births",
     )
-    std_position: float = parameter(10.0, "m", "standard deviation of x and of y")
     birth_rate: float = parameter(0.4, "1", "expected births per scan")
     initial_rate: float = parameter(20.0, "1", "expected number of targets at the first scan")
     p_survive: float = parameter(0.98, "1", "probability that a target lives to the next scan")

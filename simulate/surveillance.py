@@ -78,7 +78,7 @@ class Params:
     @property
     def time_ns(self) -> Array:
         """Times of the scans (steps,)."""
-        return np.rint(np.arange(1, self.steps + 1) * self.dt * 1e9).astype(np.int64)
+        return np.asarray(np.rint(np.arange(1, self.steps + 1) * self.dt * 1e9), np.int64)
 
     def view(self, index: int) -> View:
         """The view ``index``."""

@@ -107,7 +107,7 @@ def test_pipe_gives_the_numbers_of_the_file_route(start, command, rec, tmp_path)
     est, table = tmp_path / "est.mcap", tmp_path / "scores.csv"
     for words in (
         ("estimate", "-e", "mean", rec, "-o", est),
-        ("score", est, "--truth", rec, "-o", table),
+        ("score", est, "--truth", rec, "-m", "rmse,cdf", "-o", table),
     ):
         assert start(*words).communicate()[1] == b""
     simulate = subprocess.Popen(
@@ -119,7 +119,10 @@ def test_pipe_gives_the_numbers_of_the_file_route(start, command, rec, tmp_path)
     )  # fmt: skip
     simulate.stdout.close()
     score = subprocess.run(
-        [*command, "score", "-", "-o", "-"], stdin=estimate.stdout, capture_output=True, check=True
+        [*command, "score", "-", "-m", "rmse,cdf", "-o", "-"],
+        stdin=estimate.stdout,
+        capture_output=True,
+        check=True,
     )
     estimate.stdout.close()
     assert (simulate.wait(), estimate.wait()) == (0, 0)
@@ -133,8 +136,11 @@ def test_truth_is_found_by_its_digest(run, campaign, rec, tmp_path):
     (tmp_path / "truth/notes.txt").write_text("not a recording")
     for k, path in enumerate(sorted(campaign.iterdir(), reverse=True)):
         (tmp_path / f"truth/{k}.h5").write_bytes(path.read_bytes())
-    direct = run("score", est, "--truth", rec)
-    assert direct.code == 0 and run("score", est, "--truth", tmp_path / "truth") == direct
+    direct = run("score", est, "-m", "rmse", "--truth", rec)
+    assert (
+        direct.code == 0
+        and run("score", est, "-m", "rmse", "--truth", tmp_path / "truth") == direct
+    )
     wrong = run("score", est, "--truth", campaign / "uwb-los-s1-0001.h5")
     assert wrong.code == 4 and "digests differ" in wrong.err
     alone = run("score", est)

@@ -180,7 +180,7 @@ def test_special_file_is_not_replaced(run):
 
 
 @pytest.mark.parametrize("form", ["h5", "mcap"])
-@pytest.mark.parametrize("limit", [4096, 100_000])
+@pytest.mark.parametrize("limit", [0, 4096, 100_000])
 def test_full_disk(start, tmp_path, form, limit):
     """A limit on the size of files stops writing in the middle, as a full disk does."""
     process = start(
@@ -190,6 +190,17 @@ def test_full_disk(start, tmp_path, form, limit):
     error = process.communicate(timeout=60)[1].decode()
     assert process.returncode == 5 and error.count("\n") == 1, error
     assert "cannot be written" in error and not os.listdir(tmp_path)
+
+
+@pytest.mark.parametrize("form", ["h5", "mcap"])
+def test_full_disk_while_estimating(start, rec, tmp_path, form):
+    process = start(
+        "estimate", "-e", "mean", rec, "-o", tmp_path / f"x.{form}",
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)),
+    )  # fmt: skip
+    error = process.communicate(timeout=60)[1].decode()
+    assert process.returncode == 5 and error.count("\n") == 1, error
+    assert not os.listdir(tmp_path)
 
 
 def test_full_stdout(start, rec):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,3 +48,20 @@ def test_there_and_back_gives_equal_bytes(tmp_path: Path, name: str):
             assert scan.scan.keys() == expected.scan.keys()
             for key, values in expected.rows.items():
                 np.testing.assert_array_equal(scan.rows[key], values)
+
+
+@pytest.mark.parametrize("format", ["h5", "mcap"])
+@pytest.mark.parametrize("scans", [0, 3])
+def test_recordings_without_scans_or_detections(tmp_path: Path, format: str, scans: int):
+    module = registry.load("echoset.scenarios", "moving-platform")
+    params = module.Params(targets=(), clutter_rate=0.0)
+    recording = module.simulate(params, np.random.default_rng(5), "nothing-s5-0000")
+    radar = recording.streams["radar"]
+    recording = replace(recording, streams={"radar": radar.part(0, scans)})
+    formats.write(recording, tmp_path / "a", format)
+    read = formats.read(tmp_path / "a").streams["radar"]
+    assert (len(read), read.row_offset[-1]) == (scans, 0)
+    source = formats.open_source(tmp_path / "a")
+    assert len(list(source.scans())) == scans
+    source.close()
+    assert source.observed_digest == formats.observed_digest(recording)

@@ -8,8 +8,8 @@ import pytest
 from echoset.metrics import siap
 
 
-def means(scene, truth, estimated):
-    scores = siap.score(*scene(truth, estimated), siap.Params(cutoff=2.0))
+def means(scene, truth, estimated, by_object=True):
+    scores = siap.score(*scene(truth, estimated), siap.Params(cutoff=2.0, by_object=by_object))
     assert np.isnan(scores.time).all()
     rows = zip(scores.metric, scores.part, scores.value, scores.n, strict=True)
     return {(metric, part): (value, n) for metric, part, value, n in rows}
@@ -32,6 +32,8 @@ def test_one_estimate_for_two_objects_covers_both_and_tracks_one(scene):
     assert found["false-objects", ""] == (pytest.approx(1 / 3), 3)
     assert found["position-error", ""] == (pytest.approx((0.1 + np.sqrt(1.64) + 0.5) / 5), 5)
     assert found["label-changes", ""] == (1.0, 2)
+    whole = means(scene, truth, estimated, by_object=False)
+    assert whole == {key: value for key, value in found.items() if not key[1]}
 
 
 def test_a_change_counts_after_a_gap_too(scene):
