@@ -46,16 +46,17 @@ def _comment(provenance: Provenance) -> str:
 
 def _markdown(tables: Sequence[Table], provenance: Provenance) -> str:
     def line(cells: Sequence[str]) -> str:
-        escaped = (re.sub(r"([\\|*_<>`\[\]])", r"\\\1", c).replace("\n", " ") for c in cells)
+        escaped = (re.sub(r"([\\|*_<>`]|\](?=[(\[:]))", r"\\\1", c).replace("\n", " ") for c in cells)
         return f"| {' | '.join(escaped)} |\n"
 
-    text = _comment(provenance)
+    text = ""
     for t in tables:
         text += f"\n## {t.title}\n\n" if t.title else "\n"
         rule = ("---" if isinstance(c, str) else "---:" for c in _first(t))
         text += line(t.columns) + f"|{'|'.join(rule)}|\n"
         text += "".join(line([plain(c) for c in row]) for row in t.rows)
-    return text.lstrip("\n")
+    comment = _comment(provenance)
+    return (text + (comment and f"\n{comment}")).lstrip("\n")
 
 
 def _first(table: Table) -> list[Cell]:
