@@ -8,6 +8,7 @@ from typing import Any
 
 from . import formats
 from .formats.atomic import atomic
+from .formats.provenance import versions
 from .formats.steps import concatenate
 from .models import registry
 from .models.errors import InputError
@@ -60,6 +61,7 @@ def estimate(recording: Recording, estimator: str, seed: int = 1, **parameters: 
         "estimator": estimator,
         "parameters": as_dict(params),
         "seed": seed,
+        "versions": versions(),
         "input": {"name": recording.meta.name, "digest": formats.observed_digest(recording)},
     }
     meta = replace(recording.meta, provenance=provenance)

@@ -14,6 +14,7 @@ from typing import Any
 from numpy.linalg import LinAlgError
 
 from ..formats import EstimatesWriter, estimates_writer, open_source
+from ..formats.provenance import versions
 from ..models.checks import check_objects, check_steps
 from ..models.errors import EstimatorError, FormatError, InputError
 from ..models.parameters import as_dict, resolve, sensor_model
@@ -24,7 +25,6 @@ from . import progress
 from .config import Layer
 from .inputs import label, stdin
 from .outputs import DASH, Target
-from .provenance import versions
 
 GROUP = "echoset.estimators"
 

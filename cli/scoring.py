@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+from ..formats.provenance import versions
 from ..metrics.table import concatenate
 from ..models import registry
 from ..models.errors import InputError, ParameterError
@@ -13,7 +14,6 @@ from ..models.records import Estimates, Recording, Scores
 from . import inputs, log, truth
 from .config import Layer
 from .progress import announce_compilation
-from .provenance import versions
 
 GROUP = "echoset.metrics"
 Layers = dict[str, tuple[Layer, ...]]

@@ -26,11 +26,11 @@ class Task:
 def simulate(task: Task) -> None:
     """Simulate one recording and write it."""
     from ..formats import write
+    from ..formats.provenance import versions
     from ..models.parameters import as_dict
     from ..models.random import generator
     from ..models.registry import load
     from .progress import announce_compilation
-    from .provenance import versions
     from .scenarios import GROUP
 
     module = load(GROUP, task.scenario)

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..formats.provenance import versions
 from ..metrics.table import concatenate, rows
 from ..models.records import Scores
 from .estimation import Timing
-from .provenance import versions
 
 METRIC = "time-per-step"
 

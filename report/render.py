@@ -44,9 +44,12 @@ def _comment(provenance: Provenance) -> str:
     return f"<!-- provenance: {line} -->\n"
 
 
+_MARKUP = re.compile(r"([\\|*_<>`]|\](?=[(\[:]))")
+
+
 def _markdown(tables: Sequence[Table], provenance: Provenance) -> str:
     def line(cells: Sequence[str]) -> str:
-        escaped = (re.sub(r"([\\|*_<>`]|\](?=[(\[:]))", r"\\\1", c).replace("\n", " ") for c in cells)
+        escaped = (_MARKUP.sub(r"\\\1", c).replace("\n", " ") for c in cells)
         return f"| {' | '.join(escaped)} |\n"
 
     text = ""
