@@ -9,7 +9,8 @@ Ranges become active link events of one device, anchors sensors at rest, and poi
 ``device_x device_y``, without an extent. The covariance of the points is not used, and lines of
 wheel odometry (``odom2diff``) are skipped. Lines in any order are sorted stably by time. Two-way
 ranging tells one distance per event, which the stream's model says as ``mean_los`` 1 and
-``mean_scatter`` 0.
+``mean_scatter`` 0, and its distances share an offset as long as the delays of the antennas are not
+calibrated: ``range_bias_std`` says how well it is known beforehand.
 """
 
 from __future__ import annotations
@@ -43,7 +44,12 @@ class Params:
         None, "m", "standard deviation of the ranges in place of the file's variances"
     )
 
+    range_bias_std: float = parameter(
+        0.1, "m", "standard deviation of the offset that all ranges share; 0: they are calibrated"
+    )
+
     def __post_init__(self) -> None:
+        require(self.range_bias_std >= 0, "range_bias_std", "at least 0", self.range_bias_std)
         require(bool(NAME.fullmatch(self.device)), "device", "a plain name", self.device)
         require(self.sigma is None or self.sigma > 0, "sigma", "positive", self.sigma)
 
@@ -154,7 +160,8 @@ def _ranges(lines: _Lines, params: Params) -> tuple[Stream, dict[str, Sensor]]:
         "rx": (index + 1).astype(np.int32),
         "tx": np.zeros(len(time), np.int32),
     }
-    model = {"mean_los": 1.0, "mean_scatter": 0.0}
+    bias = params.range_bias_std
+    model = {"mean_los": 1.0, "mean_scatter": 0.0, "range_bias_std": bias}
     rows = {"distance": distance, "std": std}
     return assemble("uwb", tuple(sensors), model, time, keys, rows), sensors
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import yaml
 
-from echoset.estimators import ap_pda, eopda_geo, eopda_ideal
-from echoset.estimators.device_filter import State, extract, predict, reduce
+from echoset.estimators import ap_pda, device_filter, eopda_geo, eopda_ideal
+from echoset.estimators.device_filter import State, extract, predict, reduce, turn, update
+from echoset.estimators.links import Links, network
 from echoset.models.checks import check
 from echoset.models.errors import EstimatorError, InputError, ParameterError
 from echoset.models.parameters import resolve
@@ -147,6 +148,30 @@ def test_prediction_has_the_moments_of_the_linear_model():
     assert (x[4:6] == y[4:6]).all() and (x[8] == y[8]).all()
 
 
+def test_candidates_do_not_change_the_posterior():
+    """Mean and variance of the device are those of the plain random walk, candidates = 1."""
+    n, dt, target = 4000, 0.1, eopda_geo.CIRCLE
+    net = network(ranging([1.0], [0], [0.0]).setup(), None, None, 1.0, 0.1)
+    z = np.hypot(1.8, 1.5) + np.array([-0.05, 0.1, 0.5])
+    active = Links(np.array([3]), np.array([0]), np.array([0, 3]), z, np.full(3, 0.05**2))
+
+    def moments(candidates, seed):
+        rng = np.random.default_rng(seed)
+        params = eopda_geo.Params(candidates=candidates)
+        y = np.zeros((9, n))
+        y[:2] = np.array([[2.0], [1.5]]) + 0.02 * rng.normal(size=(2, n))
+        y[4], y[5], y[6], y[7] = 0.3, 2.5, 0.3, 0.1
+        state = turn(State(y, np.full(n, 1 / n)), net, active, dt, params, rng)
+        state = update(state, net, target, active, params)
+        o = extract(state, 0, target, params).objects
+        return [*o.state[0, [4, 5, 8]], *np.diag(o.covariance[0])[[4, 5, 8, 9]]]
+
+    one, many = (np.array([moments(k, seed) for seed in range(30)]) for k in (1, 6))
+    error = np.sqrt((one.var(0, ddof=1) + many.var(0, ddof=1)) / 30)
+    assert (np.abs(one.mean(0) - many.mean(0)) < 4.5 * error).all()
+    assert (many.std(0) < one.std(0)).mean() > 0.5
+
+
 def test_still_ranges_average():
     """A device that cannot move: ranges without clutter average like independent Gaussians."""
     still = {"acceleration_std": 0.0, "speed_std": 1e-9, "mean_clutter": 0.0}
@@ -181,7 +206,8 @@ def test_range_bias_is_taken_off_or_estimated():
     assert abs(column(out[-1:], "range_bias")[0, 0] - 0.25) < 4.5 * spread < 0.1
 
 
-def test_resampling_keeps_the_moments_of_the_range_bias():
+def test_resampling_keeps_the_moments_of_the_range_bias(monkeypatch):
+    monkeypatch.setattr(device_filter, "SHRINKAGE", 0.5)
     rng = np.random.default_rng(6)
     n = 20_000
     y = np.vstack((np.zeros((8, n)), rng.normal(0.2, 0.1, n)))
@@ -212,6 +238,17 @@ def test_start_covers_collinear_anchors_and_a_given_area():
     assert np.sqrt(both[0].objects.covariance[0, -1, -1]) > 1.0
     above = run("a-eopda-geo", ranging(z, rx, [0.0, 0.0], line), area=[-1.0, 0.0, 5.0, 4.0])
     assert abs(column(above, "device_y")[0, 0] - 1.5) < 0.5
+
+
+def test_scans_are_taken_one_time_at_a_time(scene):
+    taken = []
+    scans = (taken.append(scan.time_ns) or scan for scan in scene.scans())
+    params = eopda_geo.Params(particles=100, rms_bandwidth=1e8)
+    out = eopda_geo.ACTIVE_PASSIVE.estimate(scene.setup(), scans, params, np.random.default_rng(1))
+    for k, estimate in enumerate(out):
+        # a group ends when the first event of the next time is seen
+        assert max(taken) <= scene.truth.objects.time_ns[min(k + 1, 5)]
+        assert estimate.objects.time_ns[0] == scene.truth.objects.time_ns[k]
 
 
 def test_vanishing_weights_end_with_the_time():

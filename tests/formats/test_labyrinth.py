@@ -56,12 +56,14 @@ def test_name_provenance_and_parameters(tmp_path: Path):
     assert log.meta.provenance == {
         "importer": "labyrinth",
         "files": [{"name": "log.txt", "sha256": hashlib.sha256(LOG.encode()).hexdigest()}],
-        "parameters": {"device": "robot", "sigma": 0.3},
+        "parameters": {"device": "robot", "sigma": 0.3, "range_bias_std": 0.1},
     }
+    model = log.streams["uwb"].model
+    assert model == {"mean_los": 1.0, "mean_scatter": 0.0, "range_bias_std": 0.1}
     assert log.truth is None
     assert log.streams["uwb"].nodes[0] == "robot"
     np.testing.assert_array_equal(log.streams["uwb"].rows["std"], [0.3, 0.3, 0.3])
-    for wrong in ({"device": "a/b"}, {"sigma": 0.0}):
+    for wrong in ({"device": "a/b"}, {"sigma": 0.0}, {"range_bias_std": -1.0}):
         with pytest.raises(ParameterError):
             labyrinth.Params(**wrong)
 

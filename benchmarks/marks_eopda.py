@@ -1,0 +1,106 @@
+"""Accuracy of the UWB estimators on ``uwb-olos``: ``python benchmarks/marks_eopda.py [RUNS]``.
+
+Prints, for each estimator, the mean over steps 11 to 180 of the RMSE of the device, its RMSE in the
+segments of the blockages with standard errors by bootstrap over runs, the number of lost runs (an
+error above 2 m after step 20) and processor milliseconds per step. Recordings and estimates are
+those of ``echoset simulate uwb-olos --seed 1`` and ``echoset estimate --seed 1``.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scene import simulated
+
+from echoset.models.parameters import resolve
+from echoset.models.random import generator
+from echoset.models.records import Array, Recording
+from echoset.models.registry import load
+
+SEED = 1
+SEGMENTS = ((11, 30), (31, 60), (61, 80), (81, 110), (111, 130), (131, 180))
+ESTIMATORS = {
+    "eopda-geo": {},
+    "eopda-ideal": {},
+    "a-eopda-geo": {},
+    "a-eopda-ideal": {},
+    "ap-pda": {},
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Campaign:
+    """Errors (runs, steps) of the device [m], and processor seconds per step."""
+
+    error: Array
+    seconds: float
+
+    def rmse(self, first: int, last: int, runs: Array | None = None) -> float:
+        """Root mean square over steps ``first`` to ``last``, from 1, and over ``runs``."""
+        e = self.error if runs is None else self.error[runs]
+        return float(np.sqrt((e[:, first - 1 : last] ** 2).mean()))
+
+    def mean_rmse(self, runs: Array | None = None) -> float:
+        """Mean over steps 11 to 180 of the RMSE over ``runs``."""
+        e = self.error if runs is None else self.error[runs]
+        return float(np.sqrt((e[:, 10:180] ** 2).mean(0)).mean())
+
+    def figures(self) -> tuple[Array, Array]:
+        """The mean RMSE and the RMSE of each segment (7,), with their standard errors (7,)."""
+
+        def all_figures(runs: Array | None = None) -> list[float]:
+            return [self.mean_rmse(runs), *(self.rmse(*s, runs) for s in SEGMENTS)]
+
+        rng, n = np.random.default_rng(0), len(self.error)
+        resampled = [all_figures(rng.integers(0, n, n)) for _ in range(400)]
+        return np.array(all_figures()), np.std(resampled, axis=0)
+
+    @property
+    def lost(self) -> int:
+        """Runs with an error above 2 m after step 20."""
+        return int((self.error[:, 20:] > 2.0).any(1).sum())
+
+
+@lru_cache(maxsize=128)
+def recording(run: int) -> Recording:
+    """Recording ``run`` of the scenario."""
+    name = f"uwb-olos-s{SEED}-{run:04d}"
+    return simulated("uwb-olos", name, SEED)
+
+
+def campaign(name: str, runs: int, **settings: object) -> Campaign:
+    """Estimates of ``runs`` recordings by the estimator ``name``, compared with the truth."""
+    estimator = load("echoset.estimators", name)
+    fields = estimator.Params.__dataclass_fields__
+    error, seconds = [], 0.0
+    for run in range(runs):
+        record = recording(run)
+        model = {k: v for k, v in record.streams["uwb"].model.items() if k in fields}
+        params = resolve(estimator.Params, ("model", model), ("settings", settings))
+        rng = generator(SEED, f"estimate:{name}", record.meta.name)
+        start = time.process_time()
+        out = list(estimator.estimate(record.setup(), record.scans(), params, rng))
+        seconds += time.process_time() - start
+        m = np.concatenate([e.objects.columns("device_x", "device_y") for e in out])
+        error.append(np.hypot(*(m - record.truth.objects.columns("device_x", "device_y")).T))
+    return Campaign(np.array(error), seconds / runs / len(error[0]))
+
+
+def main() -> None:
+    """Print the table."""
+    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 100
+    print(f"{runs} runs of uwb-olos, seed {SEED}; RMSE of the device [m] ± standard error")
+    segments = " ".join(f"{f'{a}-{b}':>13s}" for a, b in SEGMENTS)
+    print(f"{'':14s} {'mean 11-180':>13s} {segments} lost ms/step")
+    for name, settings in ESTIMATORS.items():
+        c = campaign(name, runs, **settings)
+        figures = " ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(*c.figures(), strict=True))
+        print(f"{name:14s} {figures} {c.lost:4d} {1e3 * c.seconds:7.1f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
