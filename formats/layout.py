@@ -27,6 +27,7 @@ from .tree import Tree
 FORMAT_VERSION = 1
 _UNITS = {
     "time_ns": "ns",
+    "time": "s",
     "position": "m",
     "semi_axes": "m",
     "rotation": "rad",
@@ -43,6 +44,19 @@ def unit(path: str) -> str:
     if name in ("state", "covariance"):
         return "see state_units"
     return _UNITS.get(name, "1")
+
+
+def attributes(path: str) -> dict[str, Any]:
+    """The attributes of the dataset at ``path``."""
+    attributes: dict[str, Any] = {"units": unit(path)}
+    *group, name = path.split("/")
+    if group[-1:] in (["rows"], ["scan"]) and name in COLUMNS:
+        column = COLUMNS[name]
+        attributes["long_name"] = column.long_name
+        if column.flags:
+            attributes["flag_meanings"] = " ".join(column.flags)
+            attributes["flag_values"] = ",".join(map(str, range(len(column.flags))))
+    return attributes
 
 
 def to_tree(record: Recording | Estimates) -> Tree:

@@ -110,7 +110,7 @@ def _to_h5(scores: Scores) -> bytes:
 
 
 def _read_h5(data: bytes, path: object) -> Scores:
-    from .hdf5 import TreeReader
+    from .hdf5_reader import TreeReader
 
     reader = TreeReader(io.BytesIO(data), path)
     try:
