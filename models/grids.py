@@ -30,9 +30,8 @@ class Grid:
 
     def nodes(self) -> Array:
         """Positions of the nodes, (*shape, d) [m]."""
-        axes = [o + s * np.arange(n) for o, s, n in zip(self.origin, self.spacing, self.shape,
-                                                        strict=True)]  # fmt: skip
-        return np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+        index = np.moveaxis(np.indices(self.shape), 0, -1)
+        return np.asarray(self.origin + index * self.spacing)
 
     def interpolate(self, table: Array, points: Array, outside: Array) -> Array:
         """Values (m, ...) of ``table`` (*shape, ...) at ``points`` (m, d).

@@ -96,7 +96,8 @@ def response(radar: Radar, direction: Array) -> Array:
     step = np.arange(radar.side)
     phase = -2j * np.pi * radar.pitch / radar.wavelength
     first, second = (np.exp(phase * direction[..., k, None] * step) for k in (0, 1))
-    return np.asarray((first[..., :, None] * second[..., None, :]).reshape(*first.shape[:-1], -1))
+    both = first[..., :, None] * second[..., None, :]
+    return np.asarray(both.reshape(*first.shape[:-1], radar.side**2))
 
 
 def precoders(
@@ -109,8 +110,8 @@ def precoders(
     a = response(radar, direction)
     v = rng.normal(size=(2, a.size)).T @ np.array([1, 1j])
     v -= a.conj() * (a @ v) / a.size
-    return np.vstack([np.tile(a.conj() / a.size, (directed, 1)), np.tile(v, (others, 1))
-                      / np.linalg.norm(v)])  # fmt: skip
+    beams = np.tile(a.conj() / a.size, (directed, 1)), np.tile(v, (others, 1))
+    return np.vstack((beams[0], beams[1] / np.linalg.norm(v)))
 
 
 def snr(state: State, points: Array) -> Array:

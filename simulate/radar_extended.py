@@ -108,8 +108,8 @@ def simulate(params: Params, rng: np.random.Generator, name: str) -> Recording:
         node = f"R{i}"
         states = [sensor_state(params, i, t, rng) for t in range(params.epochs)]
         scans = [_scan(params, s, c, e, rng) for s in states]
-        sensors[node], streams[node] = _sensor(params, states), _stream(params, grid, node, states,
-                                                                        scans)  # fmt: skip
+        sensors[node] = _sensor(params, states)
+        streams[node] = _stream(params, grid, node, states, scans)
     meta = Meta(name, provenance={"empty_draws": empty})
     return Recording(meta, sensors, streams, Truth(_truth(params, c, e)))
 
@@ -122,9 +122,9 @@ def targets(params: Params, rng: np.random.Generator) -> tuple[Array, Array, int
     while not len(c := matern_ii(lower, upper, params.hard_core_radius, retained, rng)):
         empty += 1
     row, column = np.tril_indices(3)
-    bounds = np.where(row == column, *(np.array(b)[:, None] for b in (params.extent_diagonal,
-                      params.extent_off_diagonal)))  # fmt: skip
-    return c, rng.uniform(*bounds, (len(c), 6)), empty
+    ends = zip(params.extent_diagonal, params.extent_off_diagonal, strict=True)
+    low, high = (np.where(row == column, d, o) for d, o in ends)
+    return c, rng.uniform(low, high, size=(len(c), 6)), empty
 
 
 def sensor_state(params: Params, sensor: int, epoch: int, rng: np.random.Generator) -> ofdm.State:
@@ -158,13 +158,14 @@ def _scan(
 
 
 def _times(params: Params) -> Array:
-    return np.rint(np.arange(1, params.epochs + 1) * params.epoch * 1e9).astype(np.int64)
+    seconds = np.arange(1, params.epochs + 1) * params.epoch
+    return np.asarray(np.rint(seconds * 1e9).astype(np.int64))
 
 
 def _sensor(params: Params, states: list[ofdm.State]) -> Sensor:
     position = np.array([s.position for s in states])
-    return Sensor("radar", _times(params), position, np.tile([0.0, 0.0, 0.0, 1.0],
-                                                             (len(states), 1)))  # fmt: skip
+    upright = np.tile([0.0, 0.0, 0.0, 1.0], (len(states), 1))
+    return Sensor("radar", _times(params), position, upright)
 
 
 def _stream(
@@ -175,7 +176,9 @@ def _stream(
     scans: list[dict[str, Array]],
 ) -> Stream:
     nodes = grid.nodes()
-    model = {
+    S = np.array([ofdm.covariance(s, nodes) for s in states])
+    tables = {f"cov_{'xyz'[i]}{'xyz'[j]}_table": S[..., i, j] for i, j in zip(*UPPER, strict=True)}
+    model = tables | {
         "clutter_region": np.array(params.region),
         "hard_core_radius": params.hard_core_radius,
         "p_false": params.p_false,
@@ -183,7 +186,6 @@ def _stream(
         "grid_origin": grid.origin,
         "grid_spacing": grid.spacing,
         "p_detect_table": np.array([ofdm.p_detect(s, nodes) for s in states]),
-        "covariance_table": np.array([ofdm.covariance(s, nodes)[..., *UPPER] for s in states]),
         "bandwidth": params.radar.bandwidth,
         "side": params.side,
         "azimuth_factor": params.azimuth_factor,

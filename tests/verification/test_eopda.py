@@ -6,19 +6,11 @@ Cramér-Rao bound, and of the comparison in Zhu et al., section V-B. All allow t
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from functools import cache
-from pathlib import Path
 
+import marks_eopda as marks
 import numpy as np
 import pytest
-
-PATH = Path(__file__).parents[2] / "benchmarks" / "marks_eopda.py"
-SPEC = importlib.util.spec_from_file_location("marks_eopda", PATH)
-marks = importlib.util.module_from_spec(SPEC)
-sys.modules["marks_eopda"] = marks
-SPEC.loader.exec_module(marks)
 
 RUNS = 100
 BOOTSTRAP_FILTER = np.array([0.062, 0.303, 0.130, 0.111, 0.255, 0.048])
