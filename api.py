@@ -50,7 +50,7 @@ def estimate(recording: Recording, estimator: str, seed: int = 1, **parameters: 
     EstimatorError : the estimator diverged
     """
     module = registry.load("echoset.estimators", estimator)
-    setup = recording.setup()
+    setup = recording if getattr(module, "USES_TRUTH", False) else recording.setup()
     user = ("parameters", parameters)
     params = resolve(module.Params, *sensor_model(setup, module.Params), user)
     rng = generator(seed, f"estimate:{estimator}", recording.meta.name)

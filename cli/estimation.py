@@ -13,7 +13,7 @@ from typing import Any
 
 from numpy.linalg import LinAlgError
 
-from ..formats import EstimatesWriter, estimates_writer, open_source
+from ..formats import EstimatesWriter, estimates_writer, open_source, read
 from ..formats.provenance import versions
 from ..models.checks import check_objects, check_steps
 from ..models.errors import EstimatorError, FormatError, InputError
@@ -75,7 +75,8 @@ def estimate(task: Task) -> Timing:
     carried = piped and task.target.path is None
     source = open_source(stdin() if piped else Path(task.source), task.label, keep=carried)
     try:
-        setup = _visible(source.setup, module.STREAMS, task)
+        told = getattr(module, "USES_TRUTH", False)
+        setup = _visible(_whole(task) if told else source.setup, module.STREAMS, task)
         stated = sensor_model(setup, module.Params) if task.use_sensor_model else ()
         params = resolve(module.Params, *stated, *task.layers)
         rng = generator(task.seed, f"estimate:{task.estimator}", setup.meta.name)
@@ -98,6 +99,16 @@ def estimate(task: Task) -> Timing:
                 writer.abort()
     finally:
         source.close()
+
+
+def _whole(task: Task) -> Recording:
+    """The recording with its truth, for an estimator that declares that it uses it."""
+    if task.source == DASH:
+        raise InputError(f"{task.label}: {task.estimator} uses the truth: give it a file")
+    record = read(Path(task.source))
+    if not isinstance(record, Recording):
+        raise InputError(f"{task.label}: holds estimates, not a recording")
+    return record
 
 
 def _visible(setup: Recording, kinds: Iterable[str], task: Task) -> Recording:

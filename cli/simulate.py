@@ -38,6 +38,7 @@ def simulate(task: Task) -> None:
     rng = generator(task.seed, "simulate", task.label)
     recording = module.simulate(task.parameters, rng, task.label)
     provenance = {
+        **recording.meta.provenance,
         "scenario": task.scenario,
         "parameters": as_dict(task.parameters),
         "seed": task.seed,

@@ -18,6 +18,9 @@ class Estimator(Protocol):
     ``PRESETS`` : named sets of parameters
     ``Params`` : frozen dataclass of parameters (see :mod:`echoset.models.parameters`); those
     whose name stands in a stream's ``model`` take their value from there
+
+    One that measures what could be known at best declares ``USES_TRUTH``: its ``setup`` is the
+    whole recording, truth and origins included.
     """
 
     SUMMARY: str

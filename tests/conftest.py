@@ -82,7 +82,10 @@ def recording() -> Recording:
             "origin_id": np.zeros(offset[-1], "i4"),
         },
     )
-    plane = {c: rng.normal(size=offset[-1]) for c in ("x", "y", "cov_xx", "cov_xy", "cov_yy")}
+    root = rng.normal(size=(offset[-1], 2, 2))
+    xx, xy, _, yy = np.ascontiguousarray((root @ root.swapaxes(1, 2)).reshape(-1, 4).T)
+    plane = {c: rng.normal(size=offset[-1]) for c in "xy"}
+    plane |= {"cov_xx": xx, "cov_xy": xy, "cov_yy": yy}
     position = Stream("position", ("R",), {}, times, offset, {}, plane)
     power = rng.exponential(size=(10, 4, 6)).astype("f4")
     none = np.zeros(11, np.int64)
