@@ -225,7 +225,7 @@ class Source:
 
         for path in tokens:
             part(path, 0, 0)
-        previous = np.iinfo(np.int64).min
+        previous = None
         offset = part(offsets, 0, 1)
         for start in range(0, len(self._data(times)), WINDOW):
             stop = start + WINDOW
@@ -238,10 +238,8 @@ class Source:
                 scan={c: part(p, start, stop) for c, p in per_scan.items()},
                 rows={c: part(p, *rows) for c, p in per_row.items()},
             )
-            check_stream(stream, self.setup.sensors, name, self.path)
-            if stream.time_ns[0] < previous:
-                raise FormatError(self.path, f"{times}[{start}]", "out of order")
-            previous = stream.time_ns[-1]
+            check_stream(stream, self.setup.sensors, name, self.path, previous)
+            previous = int(stream.time_ns[-1])
             yield from stream.scans(name)
         for path, token in tokens.items():
             self._reader.verify(path, token)

@@ -8,14 +8,14 @@ value that breaks the rule, as ``streams/uwb/rows/distance[12]``.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, NoReturn
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from .columns import ACTIVE, COLUMNS, PASSIVE, REQUIRED, STREAM_KINDS, Column
-from .errors import FormatError
+from .place import Place
+from .radar_checks import check_detections
 from .records import Array, Estimates, Model, Objects, Recording, Sensor, Stream, Truth
 
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
@@ -33,7 +33,7 @@ def check(record: Recording | Estimates, path: object = "recording") -> None:
     """
     if isinstance(record, Estimates):
         if not isinstance(record.meta.provenance.get("estimator"), str):
-            _Place(path, "provenance").fail("names no estimator")
+            Place(path, "provenance").fail("names no estimator")
         check_objects(record.objects, "objects", path)
         check_steps(record.steps, len(record.objects.time_ns), path)
         if record.recording is not None:
@@ -41,9 +41,9 @@ def check(record: Recording | Estimates, path: object = "recording") -> None:
         return
     for name in (*record.sensors, *record.streams):
         if not NAME.fullmatch(name):
-            _Place(path, "").fail(f"{name!r} is not a legal name")
+            Place(path, "").fail(f"{name!r} is not a legal name")
     for name, sensor in record.sensors.items():
-        _check_sensor(sensor, _Place(path, f"sensors/{name}"))
+        _check_sensor(sensor, Place(path, f"sensors/{name}"))
     for name, stream in record.streams.items():
         check_stream(stream, record.sensors, name, path)
     if record.truth is not None:
@@ -51,14 +51,22 @@ def check(record: Recording | Estimates, path: object = "recording") -> None:
 
 
 def check_stream(
-    stream: Stream, sensors: Mapping[str, Sensor], name: str, path: object = "recording"
+    stream: Stream,
+    sensors: Mapping[str, Sensor],
+    name: str,
+    path: object = "recording",
+    after: int | None = None,
 ) -> None:
-    """The part of :func:`check` for one stream, or for a part of one, among ``sensors``."""
-    at = _Place(path, f"streams/{name}")
+    """The part of :func:`check` for one stream among ``sensors``.
+
+    It may be a part of one; ``after`` is then the time of the last scan of the part before.
+    """
+    at = Place(path, f"streams/{name}")
     (at / "kind").choice(stream.kind, STREAM_KINDS)
     _check_nodes(stream, sensors, at / "nodes")
     _check_model(stream.model, at / "model")
     n, m = _check_index(stream.time_ns, stream.row_offset, at)
+    _check_follows(stream, after, at / "time_ns")
     for group, length in (("scan", n), ("rows", m)):
         level = "scan" if group == "scan" else "row"
         (at / group).group(getattr(stream, group))
@@ -73,11 +81,13 @@ def check_stream(
         nodes = [sensors[node].kind for node in stream.nodes]
         mode, tx, rx = (stream.scan[key] for key in ("mode", "tx", "rx"))
         _check_links(mode, tx, rx, nodes, at / "scan")
+    else:
+        check_detections(stream, at)
 
 
 def check_objects(objects: Objects, place: str, path: object = "recording") -> None:
     """The part of :func:`check` for one set of objects, called ``place``."""
-    at, o = _Place(path, place), objects
+    at, o = Place(path, place), objects
     _, m = _check_index(o.time_ns, o.row_offset, at)
     names, dx = o.state_names, len(o.state_names)
     (at / "state_names").words(names)
@@ -107,9 +117,9 @@ def check_objects(objects: Objects, place: str, path: object = "recording") -> N
 
 def check_steps(steps: Mapping[str, Array], n: int, path: object = "recording") -> None:
     """The part of :func:`check` for the values per step of ``n`` estimates."""
-    _Place(path, "steps").group(steps)
+    Place(path, "steps").group(steps)
     for key, values in steps.items():
-        at = _Place(path, f"steps/{key}")
+        at = Place(path, f"steps/{key}")
         if not isinstance(values, np.ndarray) or values.dtype.kind not in "biuf":
             at.fail("must be an array of numbers")
         if values.shape[:1] != (n,):
@@ -117,82 +127,7 @@ def check_steps(steps: Mapping[str, Array], n: int, path: object = "recording") 
         at.finite(values)
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """A place in a record that the checks speak of."""
-
-    path: object
-    name: str
-
-    def __truediv__(self, name: str) -> _Place:
-        return _Place(self.path, f"{self.name}/{name}")
-
-    def fail(self, reason: str, *index: object) -> NoReturn:
-        where = f"{self.name}[{', '.join(map(str, index))}]" if index else self.name
-        raise FormatError(self.path, where, reason)
-
-    def choice(self, value: object, known: Iterable[str]) -> None:
-        """Fail unless ``value`` is one of the words ``known``."""
-        if not isinstance(value, str) or value not in known:
-            self.fail(f"{value!r} is not one of {' '.join(known)}")
-
-    def words(self, value: object, unique: bool = True) -> None:
-        """Fail unless ``value`` is a tuple of (different) strings."""
-        if not isinstance(value, tuple) or not all(isinstance(word, str) for word in value):
-            self.fail("must be a tuple of strings")
-        if unique and len(set(value)) < len(value):
-            self.fail("names something twice")
-
-    def group(self, value: object) -> None:
-        """Fail unless ``value`` is a mapping."""
-        if not isinstance(value, Mapping):
-            self.fail(f"must be a group, not {type(value).__name__}")
-
-    def none(self, bad: Any, values: Array, reason: str) -> None:
-        """Fail at the first true element of ``bad``, quoting it from ``values``."""
-        if bad.any():
-            index = np.unravel_index(int(bad.argmax()), bad.shape)
-            self.fail(f"{values[index].item()!r} {reason}", *(int(i) for i in index))
-
-    def finite(self, values: Array) -> None:
-        """Fail at the first NaN or infinity."""
-        if values.dtype.kind == "f":
-            self.none(~np.isfinite(values), values, "is not finite")
-
-    def array(
-        self, values: object, dtype: str, shape: tuple[int, ...], missing: bool = False
-    ) -> Array:
-        """``values`` if it is an array of this type and shape, finite unless ``missing``."""
-        if not isinstance(values, np.ndarray):
-            self.fail(f"must be an array, not {type(values).__name__}")
-        if values.dtype != np.dtype(dtype):
-            self.fail(f"has type {values.dtype}, needs {np.dtype(dtype)}")
-        if values.shape != shape:
-            self.fail(f"has shape {values.shape}, needs {shape}")
-        if missing:
-            self.none(np.isinf(values), values, "is not finite")
-        else:
-            self.finite(values)
-        return values
-
-    def increasing(self, values: Array, strictly: bool) -> None:
-        """Fail at the first value that is not above (or, not strictly, below) the one before."""
-        bad = np.zeros(len(values), bool)
-        bad[1:] = values[1:] <= values[:-1] if strictly else values[1:] < values[:-1]
-        self.none(bad, values, "is out of order")
-
-    def probability(self, values: object, shape: tuple[int, ...]) -> None:
-        """Fail at the first value outside [0, 1]."""
-        p = self.array(values, "f8", shape)
-        self.none((p < 0) | (p > 1), p, "is not a probability")
-
-    def unit(self, values: Array) -> None:
-        """Fail at the first quaternion (..., 4) that does not have norm 1."""
-        norm = np.linalg.norm(values, axis=-1)
-        self.none(np.abs(norm - 1) > 1e-6, norm, "is not the norm of a unit quaternion")
-
-
-def _check_sensor(sensor: Sensor, at: _Place) -> None:
+def _check_sensor(sensor: Sensor, at: Place) -> None:
     (at / "kind").choice(sensor.kind, SENSOR_KINDS)
     if isinstance(sensor.object, bool) or not isinstance(sensor.object, int) or sensor.object < -1:
         (at / "object").fail(f"{sensor.object!r} is neither a label nor -1")
@@ -205,7 +140,7 @@ def _check_sensor(sensor: Sensor, at: _Place) -> None:
         at.fail(f"the {sensor.kind} has no position")
 
 
-def _check_nodes(stream: Stream, sensors: Mapping[str, Sensor], at: _Place) -> None:
+def _check_nodes(stream: Stream, sensors: Mapping[str, Sensor], at: Place) -> None:
     nodes = stream.nodes
     at.words(nodes)
     for node in nodes:
@@ -221,7 +156,7 @@ def _check_nodes(stream: Stream, sensors: Mapping[str, Sensor], at: _Place) -> N
         at.fail(f"a stream of kind {stream.kind!r} needs one radar, got {' '.join(kinds) or None}")
 
 
-def _check_model(model: Model, at: _Place) -> None:
+def _check_model(model: Model, at: Place) -> None:
     at.group(model)
     for key, value in model.items():
         if isinstance(value, str | bool):
@@ -235,7 +170,7 @@ def _check_model(model: Model, at: _Place) -> None:
         (at / key).none(~np.isfinite(np.atleast_1d(values)), np.atleast_1d(values), "is not finite")
 
 
-def _check_index(time_ns: Array, row_offset: Array, at: _Place) -> tuple[int, int]:
+def _check_index(time_ns: Array, row_offset: Array, at: Place) -> tuple[int, int]:
     """Number of times and of rows of a ragged table."""
     n = len(time_ns) if isinstance(time_ns, np.ndarray) and time_ns.ndim else 0
     (at / "time_ns").increasing((at / "time_ns").array(time_ns, "i8", (n,)), strictly=False)
@@ -246,7 +181,17 @@ def _check_index(time_ns: Array, row_offset: Array, at: _Place) -> tuple[int, in
     return n, int(offset[-1])
 
 
-def _check_column(values: Any, column: Column, length: int, at: _Place) -> None:
+def _check_follows(stream: Stream, after: int | None, at: Place) -> None:
+    """No part goes back in time, and no radar scans twice at one time."""
+    time = stream.time_ns
+    if len(time) and after is not None and time[0] < after:
+        at.fail(f"{time[0]} is out of order after {after}", 0)
+    if stream.kind != "uwb" and len(time):
+        again = np.concatenate(([time[0] == after], time[1:] == time[:-1]))
+        at.none(again, time, "is the time of a second scan")
+
+
+def _check_column(values: Any, column: Column, length: int, at: Place) -> None:
     tail = np.shape(values)[1:] if column.axes else ()
     if len(tail) != column.axes:
         at.fail(f"has {len(tail)} axes a scan, needs {column.axes}")
@@ -258,7 +203,7 @@ def _check_column(values: Any, column: Column, length: int, at: _Place) -> None:
         at.none(a >= len(column.flags), a, f"is not a code ({codes})")
 
 
-def _check_links(mode: Array, tx: Array, rx: Array, kinds: list[str], at: _Place) -> None:
+def _check_links(mode: Array, tx: Array, rx: Array, kinds: list[str], at: Place) -> None:
     """Active links go from a device to an anchor, passive ones from an anchor to an anchor."""
     for key, node in (("tx", tx), ("rx", rx)):
         (at / key).none(
@@ -270,7 +215,7 @@ def _check_links(mode: Array, tx: Array, rx: Array, kinds: list[str], at: _Place
     (at / "tx").none((mode == PASSIVE) & ~anchor[tx], tx, "is a device, yet the link is passive")
 
 
-def _check_classes(o: Objects, m: int, at: _Place) -> None:
+def _check_classes(o: Objects, m: int, at: Place) -> None:
     names, index = o.class_names, o.class_index
     (at / "class_names").words(names)
     if index is not None:
@@ -283,7 +228,7 @@ def _check_classes(o: Objects, m: int, at: _Place) -> None:
         (at / "class_probability").probability(o.class_probability, (m, len(names)))
 
 
-def _check_extent(o: Objects, m: int, at: _Place) -> None:
+def _check_extent(o: Objects, m: int, at: Place) -> None:
     if o.extent_kind == "":
         if o.semi_axes is not None or o.rotation is not None:
             (at / "extent_kind").fail("is empty, yet there are semi-axes or rotations")
@@ -298,7 +243,7 @@ def _check_extent(o: Objects, m: int, at: _Place) -> None:
 
 
 def _check_truth(truth: Truth, recording: Recording, path: object) -> None:
-    at = _Place(path, "truth")
+    at = Place(path, "truth")
     check_objects(truth.objects, "truth/objects", path)
     (at / "objects/time_ns").increasing(truth.objects.time_ns, strictly=True)
     at = at / "blocked"

@@ -1,6 +1,8 @@
 """PHD filter against a plain textbook version, the Kalman filter, and laws of probability."""
 
 import dataclasses
+import time
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -355,6 +357,23 @@ def test_a_crowd_of_detections_is_told_and_bounded(make_recording, caplog):
     crowd = make_recording([rng.uniform(0, 100, (10_000, 2))] * 2)
     steps = run(crowd, birth="detections", clutter_rate=10_000.0, gate=25.0)
     assert steps[-1].steps["components"][0] <= 100
+    assert "10000 detections" in caplog.text
+
+
+def test_a_crowd_that_every_component_explains_is_merged_in_seconds(make_recording, caplog):
+    """Wide births everywhere: each of 10,000 detections has likely components from many."""
+    grid = np.arange(5.0, 100.0, 10.0)
+    parts = tuple((0.1, x, y, 0.0, 0.0, 30.0, 30.0, 5.0, 5.0) for x in grid for y in grid)
+    crowd = np.random.default_rng(9).uniform(0, 100, (10_000, 2))
+    tracemalloc.start()
+    start = time.process_time()
+    (step,) = run(
+        make_recording([crowd]), birth_components=parts, regions={"left": (0.0, 50.0, 0.0, 100.0)}
+    )
+    assert time.process_time() - start < 10
+    assert tracemalloc.get_traced_memory()[1] < 2**30
+    tracemalloc.stop()
+    assert step.steps["components"][0] <= 100
     assert "10000 detections" in caplog.text
 
 
