@@ -106,6 +106,11 @@ def signals() -> Iterator[None]:
             signal.signal(signum, handler)
 
 
+def drop_stdout() -> None:
+    """Lose what waits to be written to a stdout that takes no more, and would fail at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def run(function: Callable[[], object]) -> int:
     """Call ``function``, tell its error in one line, and return the exit code."""
     try:
@@ -120,7 +125,7 @@ def run(function: Callable[[], object]) -> int:
         log.error(error.format_message())
         return 2
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        drop_stdout()
         return 128 + signal.SIGPIPE
     except Ended as error:
         return error.exit_code

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import IO
 
 from ..models.errors import OutputError, ParameterError
-from . import log
+from . import exits, log
 
 DASH = "-"
 BINARY = ("h5", "mcap")
@@ -71,6 +71,7 @@ def _stdout() -> Iterator[IO[bytes]]:
     except BrokenPipeError:
         raise
     except OSError as error:
+        exits.drop_stdout()
         raise OutputError(f"stdout: cannot be written: {error.strerror or error}") from error
 
 

@@ -100,6 +100,7 @@ def environment(plugins: Path, monkeypatch: pytest.MonkeyPatch):
     """Plugins on the path here and in processes, and logging as it was afterwards."""
     monkeypatch.syspath_prepend(str(plugins))
     monkeypatch.setenv("PYTHONPATH", str(plugins))
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
     registry._points.cache_clear()
     show = warnings.showwarning
     yield
