@@ -8,7 +8,7 @@ JOBS ?= 2
 SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check verify bench marks control-table gsncp-table clean
+.PHONY: demo test check verify bench marks control-table autoferry gsncp-table clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -55,6 +55,10 @@ bench: $(STAMP)
 # Figures 2-6 of the sensor control paper as tables.
 control-table: $(STAMP)
 	$(BIN)/python benchmarks/control_table.py
+
+# Filters on measured marine radar, beside an empty output and an oracle.
+autoferry: $(STAMP)
+	$(BIN)/python benchmarks/autoferry_table.py
 
 # The DI-GSNCP paper's Fig. 2 as a table and as data: 100 runs, every method, on two cores.
 gsncp-table: $(STAMP)

@@ -7,11 +7,14 @@ What moves through a cell leaves little there; a target that stays becomes clutt
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..models.records import Array
+from ..models.records import Array, Scan
+from .sensing import Look, positions
+from .targets import TargetParams
 
 NEGLIGIBLE = 1e-3
 """Detections per scan below which a cell is forgotten, so that memory has a bound."""
@@ -51,8 +54,30 @@ class ClutterMap:
 
 def unknown(time_ns: int) -> ClutterMap:
     """Nothing has been detected yet."""
-    return ClutterMap(np.zeros((0, 2), np.int64), np.zeros(0), time_ns)
+    return ClutterMap(np.zeros((0, 2)), np.zeros(0), time_ns)
+
+
+Maps = Mapping[str, ClutterMap]
+"""Maps by stream."""
+
+
+def persistent(maps: Maps, stream: str, seen: Look, params: TargetParams) -> Array:
+    """Density (n,) of what persists in a stream at its detections, in their own measure."""
+    if stream not in maps:
+        return np.zeros(len(seen.z))
+    density = maps[stream].density(positions(seen)[0], params.clutter_cell)
+    return density * seen.z[:, 0] if seen.polar else density
+
+
+def learnt(maps: Maps, scan: Scan, seen: Look, params: TargetParams) -> Maps:
+    """The maps after a scan, if any are wanted."""
+    if not params.clutter_cell:
+        return maps
+    known = maps.get(scan.stream) or unknown(scan.time_ns)
+    where, t = positions(seen)[0], scan.time_ns
+    new = known.learn(where, params.clutter_cell, params.clutter_memory, t)
+    return {**maps, scan.stream: new}
 
 
 def _cells(position: Array, size: float) -> Array:
-    return np.floor(position / size).astype(np.int64)
+    return np.asarray(np.floor(position / size) + 0.0)

@@ -22,6 +22,7 @@ import numpy as np
 
 from ..models.errors import InputError
 from ..models.records import Array, Estimates, Objects, Recording, Scan
+from .clutter_map import learnt, persistent
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.compiled import gaussians
 from .kernels.smoothing import Epoch, smooth
@@ -137,14 +138,16 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
         stream, params = context.setup.streams[scan.stream], context.sensing[scan.stream]
         polar, sensor = stream.kind == "range_bearing", context.setup.sensors[stream.nodes[0]]
         spread = context.spread[scan.stream]
-        seen = look(spread, scan, polar, sensor)
+        seen = all_ = look(spread, scan, polar, sensor)
         if len(seen.z) > params.max_detections:
             _log.warning("scan of %s at %d ns: %d detections", scan.stream, time_ns, len(seen.z))
             seen = _likeliest(seen, state.mixture.local, params)
         known = params.clutter_rate / (spread.clutter_rate or 1.0)
         even = (1 - known) * count * seen.clutter
-        state = update(state, replace(seen, clutter=known * seen.clutter), params, even)
-        state = reduce(state, params)
+        clutter = known * seen.clutter + persistent(state.maps, scan.stream, seen, params)
+        state = update(state, replace(seen, clutter=clutter), params, even)
+        maps = learnt(state.maps, scan, all_, params)
+        state = replace(reduce(state, params), maps=maps)
     return state, Epoch(time_ns, state.mixture.local, F, Q)
 
 

@@ -5,13 +5,14 @@ References stand in :mod:`echoset.estimators.mbm`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..models.errors import InputError
 from ..models.parameters import parameter, require
 from ..models.records import Array
+from .clutter_map import Maps
 from .kernels import births
 from .kernels.bernoulli import (
     TINY,
@@ -103,7 +104,8 @@ class State:
     """The reduced mixture after the scans at ``time_ns`` (None: before any).
 
     ``undetected`` are targets no detection has told of, ``waiting`` what appeared at the last
-    detections and enters with the next prediction; ``next_label`` is free.
+    detections and enters with the next prediction; ``next_label`` is free. ``maps`` of persistent
+    clutter are those of the streams.
     """
 
     mixture: Mixture
@@ -111,6 +113,7 @@ class State:
     waiting: births.Components
     next_label: int
     time_ns: int | None
+    maps: Maps = field(default_factory=dict)
 
 
 def init() -> State:

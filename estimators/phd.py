@@ -20,7 +20,7 @@ from ..models.errors import EstimatorError, InputError
 from ..models.parameters import parameter, require
 from ..models.records import Array, Estimates, Objects, Recording, Scan
 from ..models.regions import polygons, statistics
-from .clutter_map import ClutterMap, unknown
+from .clutter_map import Maps, learnt, persistent
 from .kernels import births
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
@@ -105,12 +105,6 @@ class Params(TargetParams):
         False, "1", "variant: what appears and is not detected at once is forgotten"
     )
     cap_merged_weight: bool = parameter(False, "1", "variant: no merged component weighs above one")
-    clutter_cell: float = parameter(
-        0.0,
-        "m",
-        "cells of a map of persistent clutter, learnt on the way, as wide as the noise; 0: no map",
-    )
-    clutter_memory: float = parameter(60.0, "s", "time over which it fades")
     regions: Any = parameter(
         {}, "m", "regions to count targets in: name to x_min, x_max, y_min, y_max or to corners"
     )
@@ -122,8 +116,7 @@ class Params(TargetParams):
 
     def __post_init__(self) -> None:
         TargetParams.__post_init__(self)
-        require(self.clutter_cell >= 0, "clutter_cell", "at least 0", self.clutter_cell)
-        for name in ("gate", "merge_distance", "clutter_memory"):
+        for name in ("gate", "merge_distance"):
             require(getattr(self, name) > 0, name, "positive", getattr(self, name))
         for name in ("prune_weight", "extract_weight"):
             require(0 <= getattr(self, name) < 1, name, "in [0, 1)", getattr(self, name))
@@ -161,7 +154,7 @@ class State:
     waiting: births.Components
     next_label: int
     time_ns: int | None
-    maps: Mapping[str, ClutterMap] = field(default_factory=dict)
+    maps: Maps = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -312,13 +305,13 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
         seen = look(own, scan, polar, context.setup.sensors[stream.nodes[0]])
         if len(seen.z) > CROWD:
             _log.warning("scan of %s at %d ns: %d detections", scan.stream, time_ns, len(seen.z))
-        if own.clutter_cell:
-            seen, state = _mapped(seen, state, own, scan)
-        posterior = update(state.mixture, seen, own, is_new)
+        clutter = seen.clutter + persistent(state.maps, scan.stream, seen, own)
+        posterior = update(state.mixture, replace(seen, clutter=clutter), own, is_new)
         mixture = reduce(posterior.mixture, params)
         is_new = np.zeros(len(mixture.w), bool)
         born = births.join(state.waiting, _born(posterior, seen, params))
-        state = replace(state, mixture=mixture, waiting=born)
+        maps = learnt(state.maps, scan, seen, own)
+        state = replace(state, mixture=mixture, waiting=born, maps=maps)
     numbers = _numbers(posterior, context.regions)
     if params.keep:
         numbers |= _kept(posterior, params.keep_components)
@@ -341,19 +334,6 @@ def estimate(
     for _, together in groupby(scans, key=lambda scan: scan.time_ns):
         state, estimates = step(state, together, context)
         yield estimates
-
-
-def _mapped(seen: Look, state: State, params: Params, scan: Scan) -> tuple[Look, State]:
-    """The scan with the persistent clutter of its stream, and the state that has learnt from it."""
-    where, size = positions(seen)[0], params.clutter_cell
-    known = state.maps.get(scan.stream) or unknown(scan.time_ns)
-    density = known.density(where, size)
-    if seen.polar:
-        density *= seen.z[:, 0]
-    learnt = known.learn(where, size, params.clutter_memory, scan.time_ns)
-    return replace(seen, clutter=seen.clutter + density), replace(
-        state, maps={**state.maps, scan.stream: learnt}
-    )
 
 
 def _born(posterior: Posterior, seen: Look, params: Params) -> births.Components:

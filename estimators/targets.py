@@ -19,7 +19,10 @@ BIRTHS = ("detections", "edge", "components")
 
 @dataclass(frozen=True, slots=True)
 class TargetParams(SensorParams):
-    """Near constant velocity; p_survive and births hold for a step, or for ``time_unit``."""
+    """Near constant velocity; p_survive and births hold for a step, or for ``time_unit``.
+
+    What lies may be taken for clutter that persists.
+    """
 
     std_acceleration: float = parameter(1.0, "m s-2", "white acceleration, constant over a step")
     diffusion: float = parameter(0.0, "s-1", "variance that every state entry gains per second")
@@ -39,11 +42,18 @@ class TargetParams(SensorParams):
     birth_std_across: float = parameter(5.0, "m", "spread at right angles to the edge")
     birth_velocity: tuple[float, float] = parameter((0.0, 0.0), "m s-1", "mean at the edge")
     birth_std_velocity: tuple[float, float] = parameter((5.0, 5.0), "m s-1", "spread of velocity")
+    clutter_cell: float = parameter(
+        0.0,
+        "m",
+        "cells of a map of persistent clutter, learnt on the way, as wide as the noise; 0: no map",
+    )
+    clutter_memory: float = parameter(60.0, "s", "time over which it fades")
 
     def __post_init__(self) -> None:
         SensorParams.__post_init__(self)
-        for name in ("std_acceleration", "diffusion", "time_unit", "birth_rate"):
+        for name in ("std_acceleration", "diffusion", "time_unit", "birth_rate", "clutter_cell"):
             require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
+        require(self.clutter_memory > 0, "clutter_memory", "positive", self.clutter_memory)
         require(0 <= self.p_survive <= 1, "p_survive", "in [0, 1]", self.p_survive)
         require(self.birth in BIRTHS, "birth", f"one of {' '.join(BIRTHS)}", self.birth)
         for name in ("birth_count", "max_births"):

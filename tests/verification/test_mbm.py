@@ -161,3 +161,18 @@ def test_vessels_of_the_autoferry_benchmark():
         assert np.mean(found["false"] ** 2) / one <= 1.0
         mean[scenario] = found[""].mean()
     assert max(mean.values()) <= 18 and np.mean(list(mean.values())) <= 15
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason=f"no recordings in {DATA}; set ECHOSET_DATA")
+def test_a_map_of_clutter_takes_land_from_the_phd_filter():
+    """At least a third of the false objects of the same filter without a map, over all scans."""
+    false, total = np.zeros(2), np.zeros(2)
+    for scenario in (2, 3, 13, 17):
+        only = autoferry.Params(sensors=("radar",))
+        recording = autoferry.read([DATA / f"scenario{scenario}"], only)
+        preset = phd.PRESETS["autoferry"]
+        for k, cell in enumerate((preset["clutter_cell"], 0.0)):
+            found, _ = errors(phd, recording, 20.0, **{**preset, "clutter_cell": cell})
+            false[k] += np.sum(found["false"] ** 2)
+            total[k] += found[""].mean()
+    assert false[0] < 2 / 3 * false[1] and total[0] < total[1]
