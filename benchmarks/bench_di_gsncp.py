@@ -31,10 +31,10 @@ SIZES = ((200, 1), (500, 2), (1800, 6), (20_000, 6), (200_000, 6))
 
 
 def recording(detections: int, epochs: int) -> Recording:
-    """A scene of ten targets or so; about 250 detections an epoch are theirs."""
-    clutter = max((detections - 215 * epochs) / (2 * epochs), 5.0)
+    """A scene of ten targets or so; about 240 detections an epoch are theirs."""
+    clutter = max((detections - 243 * epochs) / (2 * epochs), 5.0)
     params = radar_extended.Params(epochs=epochs, clutter_rate=clutter)
-    return radar_extended.simulate(params, generator(1, "bench", "1"), "bench")
+    return radar_extended.simulate(params, generator(1, "bench", "9"), "bench")
 
 
 def move_seconds(world: Recording, moves: int) -> tuple[int, float]:

@@ -74,7 +74,8 @@ def estimated(recording: Recording, method: str) -> tuple[Estimates, list[float]
 
 def from_truth(recording: Recording) -> Iterator[tuple[int, float]]:
     """Cardinality and mean log posterior of chains that start at the truth, in early epochs."""
-    params = resolve(di_gsncp.Params, *sensor_model(recording, di_gsncp.Params))
+    layers = sensor_model(recording, di_gsncp.Params)
+    params = resolve(di_gsncp.Params, *layers, ("", {"restart": False}))
     assert recording.truth is not None
     objects = recording.truth.objects
     C = objects.state[: objects.row_offset[1]]

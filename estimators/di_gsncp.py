@@ -5,7 +5,8 @@ the estimate of the epoch before. The posterior stands in :mod:`.kernels.gsncp`,
 :mod:`.kernels.gsncp_moves`, the chain in :mod:`.gsncp_chain`. The preset ``paper`` has the paper's
 moves: steps of position and extent, and births and deaths by their total rates; but a patience of
 10,000 moves, since most of those births fall beside targets that are known already. The default has
-births near unexplained detections, relocations, and steps that follow from the detections expected.
+births near unexplained detections, relocations, steps that follow from the detections expected, and
+a second start from nothing, since an estimate that straddles two targets holds on to its place.
 
 References
 ----------
@@ -38,6 +39,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "informed": False,
         "block": 500,
         "smoothing": 1,
+        "restart": False,
         "burn_in": 0,
         "max_burn_in": 60_000,
         "patience": 10_000,

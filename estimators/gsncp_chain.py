@@ -24,6 +24,8 @@ from .kernels.gsncp import NORMALS, UNIFORMS, Births, Scene, State
 
 START = np.array([1.0, 0.5])
 """Scales of the steps of position and extent that adaptation starts from."""
+LATE = 2000
+"""Moves at the end of a burn-in by whose mean log posterior two of them are compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,9 @@ class ChainParams(SceneParams):
     smoothing: int = parameter(10, "1", "blocks over which estimated intensities are averaged")
     block: int = parameter(500, "1", "moves between updates of steps and intensities")
     burn_in: int = parameter(15_000, "1", "least number of moves of the burn-in")
+    restart: bool = parameter(
+        True, "1", "a second burn-in, from no targets at all; the better goes on"
+    )
     max_burn_in: int = parameter(40_000, "1", "largest number of moves of the burn-in")
     patience: int = parameter(5000, "1", "moves without a better posterior that end the burn-in")
     explore: int = parameter(30_000, "1", "moves, with births and deaths, that count the targets")
@@ -71,8 +76,8 @@ class ChainParams(SceneParams):
         require(0 < self.uniform <= 1, "uniform", "in (0, 1]", self.uniform)
         for name in ("spread", "table_radius"):
             require(getattr(self, name) > 0, name, "positive", getattr(self, name))
-        for name in ("table_points", "table_extents", "smoothing", "block", "patience", "samples",
-                     "thin"):  # fmt: skip
+        counts = ("table_points", "table_extents", "smoothing", "block", "max_burn_in", "patience")
+        for name in (*counts, "samples", "thin"):
             require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
         for name in ("burn_in", "explore"):
             require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
@@ -161,7 +166,14 @@ def sample(
     if intensity is None:
         half = max(len(scene.weight) / 2 / max(len(scene.offset) - 1, 1), 1e-3)
         intensity = np.array([max(len(start[0]), 1) / D, half / D])
-    burnt, intensity, scale = burn_in(scene, params, state, known(params, intensity, D), rng)
+    burnt, ready, scale = burn_in(scene, params, state, known(params, intensity, D), rng)
+    if params.restart and len(start[0]):
+        other = gsncp.empty(scene, params.max_targets)
+        again, *rest = burn_in(scene, params, other, known(params, intensity, D), rng)
+        if again.trace[-LATE:].mean() > burnt.trace[-LATE:].mean():
+            state, (ready, scale) = other, rest
+        burnt = joined([burnt, again])
+    intensity = ready
     explored = explore(scene, params, state, intensity, scale, rng)
     samples, sampled = draw(scene, params, state, intensity, scale, rng)
     return Result(samples, intensity, scale, burnt, explored, sampled, targets(state))
