@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from echoset.estimators import phd
+from echoset.models.parameters import resolve, sensor_model
 from echoset.models.random import generator
 from echoset.models.regions import contains, polygons
 from echoset.simulate import many
@@ -34,8 +35,8 @@ def sample(posterior, corners, n, rng):
 def test_mean_and_variance_are_those_of_samples():
     n, rng = 40_000, generator(1, "test", "regions")
     recording = many.simulate(many.Params(steps=12, clutter_rate=20.0), rng, "many")
-    model = dict(recording.streams["radar"].model)
-    params = phd.Params(**model, regions=REGIONS, birth_rate=1.0, birth_std_velocity=(10.0, 10.0))
+    births = {"regions": REGIONS, "birth_rate": 1.0, "birth_std_velocity": (10.0, 10.0)}
+    params = resolve(phd.Params, *sensor_model(recording, phd.Params), ("test", births))
     state = phd.init()
     for scan in recording.scans():
         state, is_new = phd.predict(state, params, scan.time_ns)
