@@ -24,8 +24,9 @@ import numpy as np
 
 from ..models.parameters import parameter, require
 from ..models.records import Array, Estimates, Recording, Scan
-from .gsncp_chain import ChainParams, Result, sample
+from .gsncp_chain import Result, sample
 from .gsncp_output import Labels, objects
+from .gsncp_params import ChainParams
 from .gsncp_scene import epochs, grid, scene
 from .gsncp_sensors import STREAMS, SensorState
 from .kernels.chains import effective_sample_size

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.errors import EstimatorError
-from ..models.parameters import parameter, require
 from ..models.point_process import ball
 from ..models.records import Array
-from .gsncp_params import SceneParams
+from .gsncp_params import ChainParams
 from .kernels import gsncp
 from .kernels.compiled.gsncp import mean_shot
 from .kernels.compiled.gsncp_moves import chain
@@ -26,67 +25,6 @@ START = np.array([1.0, 0.5])
 """Scales of the steps of position and extent that adaptation starts from."""
 LATE = 2000
 """Moves at the end of a burn-in by whose mean log posterior two of them are compared."""
-
-
-@dataclass(frozen=True, slots=True)
-class ChainParams(SceneParams):
-    """Moves, their lengths and numbers."""
-
-    moves: tuple[float, ...] = parameter(
-        (0.3, 0.4, 0.1, 0.1, 0.1, 0.0),
-        "1",
-        "weights of the moves: position, extent, birth, death, relocation, and the paper's jump",
-    )
-    informed: bool = parameter(
-        True, "1", "steps that shrink with the detections expected; else the paper's"
-    )
-    acceptance: float = parameter(0.35, "1", "acceptance of steps that burn-in adapts to")
-    spread: float = parameter(1.0, "m", "spread of births about unexplained detections")
-    uniform: float = parameter(0.05, "1", "share of births anywhere")
-    table_points: int = parameter(100, "1", "mean number of detections in the paper's birth table")
-    table_extents: int = parameter(20, "1", "extents that estimate its birth rates")
-    table_radius: float = parameter(0.2, "m", "radius of its balls")
-    intensity: float | None = parameter(
-        None, "m-2 or m-3", "intensity of targets where it is known, else estimated"
-    )
-    clutter_rate: float | None = parameter(
-        None, "1", "false detections per scan where they are known, else estimated"
-    )
-    smoothing: int = parameter(10, "1", "blocks over which estimated intensities are averaged")
-    block: int = parameter(500, "1", "moves between updates of steps and intensities")
-    burn_in: int = parameter(15_000, "1", "least number of moves of the burn-in")
-    restart: bool = parameter(
-        True, "1", "a second burn-in, from no targets at all; the better goes on"
-    )
-    max_burn_in: int = parameter(40_000, "1", "largest number of moves of the burn-in")
-    patience: int = parameter(5000, "1", "moves without a better posterior that end the burn-in")
-    explore: int = parameter(30_000, "1", "moves, with births and deaths, that count the targets")
-    max_explore: int = parameter(
-        120_000, "1", "the same while the number of targets changes within so many moves"
-    )
-    samples: int = parameter(100, "1", "samples")
-    thin: int = parameter(300, "1", "moves from one sample to the next")
-
-    def __post_init__(self) -> None:
-        SceneParams.__post_init__(self)
-        m = self.moves
-        ok = len(m) == len(gsncp.KINDS) and min(m) >= 0 and m[0] + m[1] > 0 and m[2] == m[3]
-        require(ok, "moves", "six weights, some of steps, births as often as deaths", m)
-        require(0 < self.acceptance < 1, "acceptance", "in (0, 1)", self.acceptance)
-        require(0 < self.uniform <= 1, "uniform", "in (0, 1]", self.uniform)
-        for name in ("spread", "table_radius"):
-            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
-        counts = ("table_points", "table_extents", "smoothing", "block", "max_burn_in", "patience")
-        for name in (*counts, "samples", "thin"):
-            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
-        for name in ("burn_in", "explore"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        for name in ("burn_in", "explore"):
-            most = getattr(self, f"max_{name}")
-            require(most >= getattr(self, name), f"max_{name}", f"at least {name}", most)
-        for name in ("intensity", "clutter_rate"):
-            value = getattr(self, name)
-            require(value is None or value > 0, name, "positive", value)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
