@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..models.errors import InputError
 from ..models.parameters import parameter, require
 from ..models.records import Array
 from .clutter_map import Maps
@@ -31,7 +30,7 @@ from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
 from .sensing import Look, detection_probability, expected, positions
-from .targets import TargetParams, steps, survival, transition
+from .targets import TargetParams, elapse, survival
 from .targets import newborn as appearing
 
 
@@ -128,12 +127,7 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, float, A
     ------
     InputError : the time goes back
     """
-    first = state.time_ns is None
-    dt = 0.0 if first else (time_ns - (state.time_ns or 0)) / 1e9
-    if dt < 0:
-        raise InputError(f"scan at {time_ns} ns: out of order")
-    F, Q = transition(params, dt)
-    count = 1.0 if first else steps(params, dt)
+    dt, count, F, Q = elapse(params, state.time_ns, time_ns)
     a = state.mixture.local
     m, P = gaussians.predict(a.m, a.P, F, Q)
     change = params.hide_rate + params.show_rate

@@ -25,7 +25,7 @@ from .kernels import births
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .sensing import STREAMS, Look, detection_probability, expected, look, per_stream, positions
-from .targets import TargetParams, newborn, steps, survival, transition
+from .targets import TargetParams, elapse, newborn, survival
 
 SUMMARY = "Gaussian-mixture PHD filter of positions or ranges and azimuths, with regions"
 PRESETS: Mapping[str, Mapping[str, Any]] = {
@@ -200,12 +200,7 @@ def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Ar
     ------
     InputError : the time goes back
     """
-    first = state.time_ns is None
-    dt = 0.0 if first else (time_ns - (state.time_ns or 0)) / 1e9
-    if dt < 0:
-        raise InputError(f"scan at {time_ns} ns: out of order")
-    F, Q = transition(params, dt)
-    count = 1.0 if first else steps(params, dt)
+    dt, count, F, Q = elapse(params, state.time_ns, time_ns)
     old, (w, m, P) = state.mixture, state.waiting
     w = np.concatenate((old.w * survival(params, old.m, dt), np.minimum(count * w, 1.0)))
     m, P = gaussians.predict(np.concatenate((old.m, m)), np.concatenate((old.P, P)), F, Q)

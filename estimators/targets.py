@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from ..models.errors import InputError
 from ..models.motion import constant_velocity
 from ..models.parameters import parameter, require
 from ..models.records import Array
@@ -110,3 +111,18 @@ def newborn(params: TargetParams, count: float) -> births.Components:
             np.array(params.birth_std_velocity),
         )
     return births.none()
+
+
+def elapse(
+    params: TargetParams, last_ns: int | None, time_ns: int
+) -> tuple[float, float, Array, Array]:
+    """Time [s] since ``last_ns``, in how many steps of births, and F, Q; None: the first scan.
+
+    Raises
+    ------
+    InputError : the time goes back
+    """
+    dt = 0.0 if last_ns is None else (time_ns - last_ns) / 1e9
+    if dt < 0:
+        raise InputError(f"scan at {time_ns} ns: out of order")
+    return dt, 1.0 if last_ns is None else steps(params, dt), *transition(params, dt)
