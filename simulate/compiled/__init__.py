@@ -1,0 +1,1 @@
+"""numba twins of what simulators do most."""
