@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from ..models import extent
@@ -26,6 +24,7 @@ from .gsncp_params import SceneParams
 from .gsncp_scene import epochs, grid, scene
 from .gsncp_sensors import STREAMS, noise
 from .kernels import gsncp
+from .kernels.clusters import clusters
 from .kernels.compiled import gsncp as compiled
 from .kernels.gsncp import Scene, State
 from .oracle import fit
@@ -93,26 +92,6 @@ def configurations(z: Array, params: Params, scale: int) -> Iterator[Array]:
         pairs = tree.query_pairs(radius, output_type="ndarray").reshape(-1, 2)
         for least in params.neighbours:
             yield clusters(pairs, len(z), least * scale)
-
-
-def clusters(pairs: Array, n: int, least: int) -> Array:
-    """DBSCAN's label of each of n points, -1 for noise, from the pairs (k, 2) of neighbours.
-
-    Core points have ``least`` neighbours, themselves included; clusters are the components of the
-    core points, in the order of their first; others belong to the first cluster they border on.
-    """
-    core = 1 + np.bincount(pairs.ravel(), minlength=n) >= least
-    i, j = pairs.T
-    both = core[i] & core[j]
-    graph = coo_array((np.ones(both.sum(), bool), (i[both], j[both])), shape=(n, n))
-    component = connected_components(graph, directed=False)[1]
-    label = np.full(n, n)
-    _, first, index = np.unique(component[core], return_index=True, return_inverse=True)
-    label[core] = np.argsort(np.argsort(first))[index]
-    for a, b in ((i, j), (j, i)):
-        edge = core[a] & ~core[b]
-        np.minimum.at(label, b[edge], label[a[edge]])
-    return np.where(label == n, -1, label)
 
 
 def targets(z: Array, S: Array, label: Array, params: Params) -> Array:

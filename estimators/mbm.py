@@ -23,13 +23,14 @@ import numpy as np
 from ..models.errors import InputError
 from ..models.records import Array, Estimates, Objects, Recording, Scan
 from .clutter_map import learnt, persistent
+from .front import FUSED, STREAMS, Chain, looks, named, recognise, see, used
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.compiled import gaussians
 from .kernels.smoothing import Epoch, smooth
 from .mbm_filter import Params, State, init, predict, reduce, update
-from .sensing import STREAMS, Look, expected, look, per_stream
+from .sensing import Look, expected, per_stream
 
-SUMMARY = "Multi-Bernoulli mixture filter of positions or ranges and azimuths, Poisson or not"
+SUMMARY = "Multi-Bernoulli mixture filter of detections or range-angle maps, Poisson or not"
 __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
@@ -70,6 +71,8 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "clutter_rate": 0.1,
         "std_acceleration": 0.0,
         "diffusion": 5.0,
+        "birth": "components",
+        "birth_recovery": ((0.01, 0.0, 0.0, 0.0, 0.0, *(5**0.5,) * 4),),
         "gate": 14.0,
         "min_existence": 1e-4,
         "min_weight": 1e-15,
@@ -81,6 +84,15 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 }
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
 _log = logging.getLogger(__name__)
+
+
+def followed(mixture: Mixture, params: Params) -> tuple[Array, Array]:
+    """Labels (n,) and means (n, 4) of the targets that are extracted, travelled or not."""
+    tracks, index = extract(mixture, params)
+    if params.extraction == "existence":
+        sure = mixture.local.r[index] >= params.extract_existence
+        tracks, index = tracks[sure], index[sure]
+    return mixture.label[tracks], mixture.local.m[index]
 
 
 def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:
@@ -103,25 +115,29 @@ def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:
 class Context:
     """What stays: the recording's setup and the parameters, in all and by stream.
 
-    ``spread`` are those by stream with undetected targets among the clutter, where they are.
+    ``spread`` are those by stream with undetected targets among the clutter, where they are;
+    ``chain`` makes detections of maps.
     """
 
     setup: Recording
     params: Params
     sensing: Mapping[str, Params]
     spread: Mapping[str, Params]
+    chain: Chain
 
     @staticmethod
     def of(setup: Recording, params: Params) -> Context:
         """The context of a recording."""
-        sensing = per_stream(params, setup)
+        sensing = per_stream(params, setup) | {FUSED: params}
         more = params.birth_rate if params.poisson and params.birth == "detections" else 0.0
         spread = {n: replace(p, clutter_rate=p.clutter_rate + more) for n, p in sensing.items()}
-        return Context(setup, params, sensing, spread)
+        return Context(setup, params, sensing, spread, Chain.of(setup, params))
 
 
 def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, Epoch]:
     """The state after the ``scans`` of one time, taken one after the other, and how it came there.
+
+    Maps are one scan, and the first; their targets to follow are those extracted before.
 
     Raises
     ------
@@ -133,12 +149,11 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
     names = [scan.stream for scan in together]
     if len(set(names)) < len(names):
         raise InputError(f"scans at {time_ns} ns: two of one stream")
+    label, m = followed(state.mixture, context.params)
     state, count, F, Q = predict(state, context.params, time_ns)
-    for scan in together:
-        stream, params = context.setup.streams[scan.stream], context.sensing[scan.stream]
-        polar, sensor = stream.kind == "range_bearing", context.setup.sensors[stream.nodes[0]]
-        spread = context.spread[scan.stream]
-        seen = all_ = look(spread, scan, polar, sensor)
+    sight = see(context.chain, together, label, (m @ F.T)[:, :2], state.classes)
+    for scan, all_ in looks(together, sight, context.setup, context.spread):
+        params, spread, seen = context.sensing[scan.stream], context.spread[scan.stream], all_
         if len(seen.z) > params.max_detections:
             _log.warning("scan of %s at %d ns: %d detections", scan.stream, time_ns, len(seen.z))
             seen = _likeliest(seen, state.mixture.local, params)
@@ -148,6 +163,10 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
         state = update(state, replace(seen, clutter=clutter), params, even)
         maps = learnt(state.maps, scan, all_, params)
         state = replace(reduce(state, params), maps=maps)
+    label, m = followed(state.mixture, context.params)
+    alive = state.mixture.label
+    classes = recognise(context.chain, sight, label, m[:, :2], alive, state.classes)
+    state = replace(state, classes=classes)
     return state, Epoch(time_ns, state.mixture.local, F, Q)
 
 
@@ -161,7 +180,12 @@ def estimate(
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     EstimatorError : no hypothesis is possible
     """
-    context, state = Context.of(setup, params), init()
+    return run(Context.of(setup, params), scans)
+
+
+def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
+    """:func:`estimate` in a context of the caller's."""
+    params, state = context.params, init()
     moved: set[int] = set()
     epochs: deque[Epoch] = deque()
     numbers: deque[dict[str, Array]] = deque()
@@ -169,9 +193,10 @@ def estimate(
     def leave() -> Estimates:
         objects = _objects(state.mixture, list(epochs), moved, params)
         epochs.popleft()
-        return Estimates(setup.meta, objects, numbers.popleft())
+        objects = named(context.chain, objects, state.classes)
+        return Estimates(context.setup.meta, objects, numbers.popleft())
 
-    for _, together in groupby(scans, key=lambda scan: scan.time_ns):
+    for _, together in groupby(used(context.chain, scans), key=lambda scan: scan.time_ns):
         state, epoch = step(state, together, context)
         moved = _moved(state.mixture, moved, params)
         epochs.append(epoch)

@@ -12,6 +12,7 @@ import numpy as np
 from ..models.parameters import parameter, require
 from ..models.records import Array
 from .clutter_map import Maps
+from .front import Classes
 from .kernels import births
 from .kernels.bernoulli import (
     TINY,
@@ -29,13 +30,14 @@ from .kernels.bernoulli import (
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
+from .map_params import MapParams
 from .sensing import Look, detection_probability, expected, positions
-from .targets import TargetParams, elapse, survival
+from .targets import elapse, survival
 from .targets import newborn as appearing
 
 
 @dataclass(frozen=True, slots=True)
-class Params(TargetParams):
+class Params(MapParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     poisson: bool = parameter(
@@ -86,7 +88,7 @@ class Params(TargetParams):
     )
 
     def __post_init__(self) -> None:
-        TargetParams.__post_init__(self)
+        MapParams.__post_init__(self)
         for name in ("gate", "max_detections", "max_hypotheses", "max_tracks", "min_weight"):
             require(getattr(self, name) > 0, name, "positive", getattr(self, name))
         rates = ("hide_rate", "show_rate", "max_coast", "min_travel")
@@ -104,7 +106,7 @@ class State:
 
     ``undetected`` are targets no detection has told of, ``waiting`` what appeared at the last
     detections and enters with the next prediction; ``next_label`` is free. ``maps`` of persistent
-    clutter are those of the streams.
+    clutter are those of the streams, ``classes`` those of the targets.
     """
 
     mixture: Mixture
@@ -113,6 +115,7 @@ class State:
     next_label: int
     time_ns: int | None
     maps: Maps = field(default_factory=dict)
+    classes: Classes = field(default_factory=dict)
 
 
 def init() -> State:

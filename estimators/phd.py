@@ -21,13 +21,17 @@ from ..models.parameters import parameter, require
 from ..models.records import Array, Estimates, Objects, Recording, Scan
 from ..models.regions import polygons, statistics
 from .clutter_map import Maps, learnt, persistent
+from .front import FUSED, STREAMS, Chain, Classes, looks, named, recognise, see, used
 from .kernels import births
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
-from .sensing import STREAMS, Look, detection_probability, expected, look, per_stream, positions
+from .map_params import MapParams
+from .sensing import Look, detection_probability, expected, per_stream, positions
 from .targets import TargetParams, elapse, newborn, survival
 
-SUMMARY = "Gaussian-mixture PHD filter of positions or ranges and azimuths, with regions"
+SUMMARY = "Gaussian-mixture PHD filter of detections or range-angle maps, with regions"
+RECOVERY = ((0.01, 0.0, 0.0, 0.0, 0.0, *(5**0.5,) * 4),)
+"""A target in the middle of the scene, so that one that was lost may come back."""
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     # The scenario of the same name: targets enter along the west edge and move east.
     "surveillance": {
@@ -67,6 +71,23 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
             "lidar": {"p_detect": 0.7, "std_position": 3.0, "max_range": 100.0},
         },
     },
+    # Range-angle maps of base stations: E. Favarelli et al., "Multi-base station cooperative
+    # sensing with AI-aided tracking", section IV-B, for the scenario's births.
+    "paper": {
+        "p_detect": 0.99,
+        "p_survive": 0.9,
+        "clutter_rate": 0.1,
+        "std_acceleration": 0.0,
+        "diffusion": 5.0,
+        "birth": "components",
+        "birth_recovery": RECOVERY,
+        "prune_weight": 1e-4,
+        "cap_before_merge": True,
+        "max_components": 10,
+        "merge_by": "none",
+        "merge_distance": 25.0,
+        "extraction": "rounding",
+    },
 }
 __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
 
@@ -80,7 +101,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Params(TargetParams):
+class Params(MapParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     gate: float = parameter(30.0, "1", "squared Mahalanobis distance of a detection from its gate")
@@ -115,7 +136,7 @@ class Params(TargetParams):
     keep_components: int = parameter(500, "1", "the strongest so many components of it")
 
     def __post_init__(self) -> None:
-        TargetParams.__post_init__(self)
+        MapParams.__post_init__(self)
         for name in ("gate", "merge_distance"):
             require(getattr(self, name) > 0, name, "positive", getattr(self, name))
         for name in ("prune_weight", "extract_weight"):
@@ -147,7 +168,8 @@ class State:
     """The reduced mixture after the scans at ``time_ns`` (None: before any).
 
     ``waiting`` appeared at the last detections and enters with the next prediction;
-    ``next_label`` is free. ``maps`` of persistent clutter are those of the streams.
+    ``next_label`` is free. ``maps`` of persistent clutter are those of the streams, ``classes``
+    those of the targets.
     """
 
     mixture: Mixture
@@ -155,6 +177,7 @@ class State:
     next_label: int
     time_ns: int | None
     maps: Maps = field(default_factory=dict)
+    classes: Classes = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,17 +196,27 @@ class Posterior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Context:
-    """What stays: the recording's setup, parameters (in all and by stream), corners of regions."""
+    """What stays: the recording's setup, parameters (in all and by stream), corners of regions.
+
+    ``chain`` makes detections of maps.
+    """
 
     setup: Recording
     params: Params
     sensing: Mapping[str, Params]
     regions: Mapping[str, Array]
+    chain: Chain
 
     @staticmethod
     def of(setup: Recording, params: Params) -> Context:
         """The context of a recording."""
-        return Context(setup, params, per_stream(params, setup), polygons(params.regions))
+        return Context(
+            setup,
+            params,
+            per_stream(params, setup) | {FUSED: params},
+            polygons(params.regions),
+            Chain.of(setup, params),
+        )
 
 
 def init() -> State:
@@ -283,6 +316,8 @@ def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:
 def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, Estimates]:
     """The state after the ``scans`` of one time, taken one after the other, and what it says.
 
+    Maps are one scan, and the first; their targets to follow are those extracted before.
+
     Raises
     ------
     InputError : the noise of detections or the place of clutter is not known; scans out of order
@@ -293,11 +328,12 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
     names = [scan.stream for scan in together]
     if len(set(names)) < len(names):
         raise InputError(f"scans at {time_ns} ns: two of one stream")
+    followed, _ = extract(state.mixture, params)
     state, is_new = predict(state, params, time_ns)
-    for scan in together:
-        stream, own = context.setup.streams[scan.stream], context.sensing[scan.stream]
-        polar = stream.kind == "range_bearing"
-        seen = look(own, scan, polar, context.setup.sensors[stream.nodes[0]])
+    x, chain = state.mixture.take(followed), context.chain
+    sight = see(chain, together, x.label, x.m[:, :2], state.classes)
+    for scan, seen in looks(together, sight, context.setup, context.sensing):
+        own = context.sensing[scan.stream]
         if len(seen.z) > CROWD:
             _log.warning("scan of %s at %d ns: %d detections", scan.stream, time_ns, len(seen.z))
         clutter = seen.clutter + persistent(state.maps, scan.stream, seen, own)
@@ -311,6 +347,9 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
     if params.keep:
         numbers |= _kept(posterior, params.keep_components)
     state, objects = _objects(state, params)
+    alive, where = state.mixture.label, objects.state[:, :2]
+    classes = recognise(chain, sight, objects.label, where, alive, state.classes)
+    state, objects = replace(state, classes=classes), named(chain, objects, classes)
     numbers["components"] = np.array([len(state.mixture.w)])
     return state, Estimates(context.setup.meta, objects, numbers)
 
@@ -325,8 +364,13 @@ def estimate(
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     EstimatorError : the weights are not finite
     """
-    context, state = Context.of(setup, params), init()
-    for _, together in groupby(scans, key=lambda scan: scan.time_ns):
+    return run(Context.of(setup, params), scans)
+
+
+def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
+    """:func:`estimate` in a context of the caller's."""
+    state = init()
+    for _, together in groupby(used(context.chain, scans), key=lambda scan: scan.time_ns):
         state, estimates = step(state, together, context)
         yield estimates
 

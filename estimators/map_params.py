@@ -1,0 +1,70 @@
+"""What filters of point targets assume about range-angle maps, and how they make detections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..models.classifier import CELL, CLASSES
+from ..models.parameters import parameter, require
+from ..models.regions import polygon
+from .targets import TargetParams
+
+IDENTIFY = ("cnn", "none")
+LARGEST = 4_000_000
+"""Pixels of the largest soft map."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapParams(TargetParams):
+    """Sensors and targets, and the way from maps to detections; defaults suit 28 GHz maps."""
+
+    map_region: tuple[float, float, float, float] = parameter(
+        (-20.0, 20.0, -20.0, 20.0), "m", "x_min, x_max, y_min, y_max of the soft map"
+    )
+    map_cell: float = parameter(0.1, "m", "side of its pixels")
+    stations: int | None = parameter(
+        None, "1", "how many streams of maps are fused, the first by name; null: all"
+    )
+    excision: float = parameter(400.0, "1", "power over the noise that bright pixels exceed")
+    gate_pedestrian: float = parameter(
+        4.0, "m", "bright pixels belong to the nearest known target within this, if it walks"
+    )
+    gate_vehicle: float = parameter(6.0, "m", "the same for a vehicle")
+    min_pixels: int = parameter(10, "1", "least bright pixels of a known target for a detection")
+    dbscan_radius: float = parameter(3.0, "m", "neighbourhood of the other bright pixels")
+    dbscan_points: int = parameter(50, "1", "least neighbours of a core pixel, itself included")
+    identify: str = parameter("cnn", "1", "who tells the classes of targets: cnn or none")
+    weights: str = parameter("", "1", "file with the network's weights; empty: those that we ship")
+    class_memory: float = parameter(
+        0.0, "1", "factor that a target's log-probabilities keep from scan to scan; 0: none"
+    )
+
+    def __post_init__(self) -> None:
+        TargetParams.__post_init__(self)
+        polygon(self.map_region, "map_region")
+        for name in ("map_cell", "gate_pedestrian", "gate_vehicle", "dbscan_radius"):
+            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
+        x0, x1, y0, y1 = self.map_region
+        count = (x1 - x0) / self.map_cell * (y1 - y0) / self.map_cell
+        require(count <= LARGEST, "map_cell", f"so that {LARGEST} pixels suffice", self.map_cell)
+        require(self.excision >= 0, "excision", "at least 0", self.excision)
+        for name in ("min_pixels", "dbscan_points"):
+            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
+        if self.stations is not None:
+            require(self.stations >= 1, "stations", "at least 1, or null for all", self.stations)
+        require(
+            self.identify in IDENTIFY, "identify", f"one of {' '.join(IDENTIFY)}", self.identify
+        )
+        require(0 <= self.class_memory < 1, "class_memory", "in [0, 1)", self.class_memory)
+        if self.identify == "cnn":
+            rule = f"{CELL} m, the pixels of the network, unless identify is none"
+            require(self.map_cell == CELL, "map_cell", rule, self.map_cell)
+        else:
+            same = self.gate_pedestrian == self.gate_vehicle
+            rule = "gate_pedestrian where nobody tells classes"
+            require(same, "gate_vehicle", rule, self.gate_vehicle)
+
+    @property
+    def gates(self) -> tuple[float, ...]:
+        """The gates of all classes [m]."""
+        return tuple(getattr(self, f"gate_{name}") for name in CLASSES)
