@@ -60,16 +60,16 @@ def recording(
     return Recording(Meta("maps"), sensors, streams)
 
 
-def classifier(area: float = 2.5, power: float = 400.0) -> Weights:
+def classifier(area: float = 20.0, power: float = 400.0) -> Weights:
     """Weights by hand: a vehicle has more than ``area`` [m^2] of pixels above ``power``.
 
     The first filter passes the middle pixel, as far as it is above the threshold; its maxima over
-    2 x 2 pixels are counted by their excess, about half a decade each.
+    2 x 2 pixels are counted by their excess, about half a decade each. It suits three stations.
     """
     a = {name: np.zeros(shape, np.float32) for name, shape in SHAPES.items()}
     a["conv_weight"][0, 0, 2, 2] = 1.0
     a["conv_bias"][0] = -np.log10(1 + power)
     count = a["fc_weight"].shape[1] // len(a["conv_bias"])
-    a["fc_weight"][1, :count] = 0.04 / 0.5
-    a["fc_bias"][1] = -area
+    a["fc_weight"][1, :count] = 0.2 * 0.04 / 0.5
+    a["fc_bias"][1] = -0.2 * area
     return Weights(**{k: v for k, v in a.items() if k not in ("mean", "std")})

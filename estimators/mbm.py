@@ -72,7 +72,6 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "std_acceleration": 0.0,
         "diffusion": 5.0,
         "birth": "components",
-        "birth_recovery": ((0.01, 0.0, 0.0, 0.0, 0.0, *(5**0.5,) * 4),),
         "gate": 14.0,
         "min_existence": 1e-4,
         "min_weight": 1e-15,

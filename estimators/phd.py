@@ -30,8 +30,6 @@ from .sensing import Look, detection_probability, expected, per_stream, position
 from .targets import TargetParams, elapse, newborn, survival
 
 SUMMARY = "Gaussian-mixture PHD filter of detections or range-angle maps, with regions"
-RECOVERY = ((0.01, 0.0, 0.0, 0.0, 0.0, *(5**0.5,) * 4),)
-"""A target in the middle of the scene, so that one that was lost may come back."""
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     # The scenario of the same name: targets enter along the west edge and move east.
     "surveillance": {
@@ -80,7 +78,6 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "std_acceleration": 0.0,
         "diffusion": 5.0,
         "birth": "components",
-        "birth_recovery": RECOVERY,
         "prune_weight": 1e-4,
         "cap_before_merge": True,
         "max_components": 10,

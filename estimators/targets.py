@@ -37,9 +37,6 @@ class TargetParams(SensorParams):
     birth_components: tuple[tuple[float, ...], ...] = parameter(
         (), "1, m, m s-1", "weight, x y vx vy and their four standard deviations, for each"
     )
-    birth_recovery: tuple[tuple[float, ...], ...] = parameter(
-        (), "1, m, m s-1", "components beside birth_components, which a recording may state"
-    )
     birth_edge: tuple[float, ...] = parameter((), "m", "x0, y0, x1, y1 of the edge")
     birth_count: int = parameter(10, "1", "components along the edge")
     max_births: int = parameter(200, "1", "detections of a scan at which targets may appear")
@@ -67,10 +64,9 @@ class TargetParams(SensorParams):
         require(min(std) > 0, "birth_std_velocity", "positive", std)
         if self.scene:
             polygon(self.scene, "scene")
-        for name in ("birth_components", "birth_recovery"):
-            for c in getattr(self, name):
-                ok = len(c) == 9 and c[0] >= 0 and min(c[5:]) > 0
-                require(ok, name, "weight, four means, four deviations > 0", c)
+        for c in self.birth_components:
+            ok = len(c) == 9 and c[0] >= 0 and min(c[5:]) > 0
+            require(ok, "birth_components", "weight, four means, four deviations > 0", c)
         if self.birth == "edge":
             e = self.birth_edge
             require(len(e) == 4 and e[:2] != e[2:], "birth_edge", "two points x0, y0, x1, y1", e)
@@ -103,8 +99,7 @@ def survival(params: TargetParams, m: Array, dt: float) -> Array:
 def newborn(params: TargetParams, count: float) -> births.Components:
     """Components of targets that appeared in ``count`` steps, but for those at detections."""
     if params.birth == "components":
-        where = params.birth_components, params.birth_recovery
-        w, m, P = births.join(*(births.static(np.array(c)) for c in where))
+        w, m, P = births.static(np.array(params.birth_components))
         return w * count, m, P
     if params.birth == "edge":
         return births.along_edge(

@@ -37,9 +37,9 @@ def read(path: Path) -> Weights:
             names = [name for name in SHAPES if name in inside or name not in OPTIONAL]
             arrays = {name: _array(archive, path, name) for name in names}
     except OSError as error:
-        raise FormatError(path, "", error.strerror or str(error)) from error
+        raise FormatError(path, "", f"no weights: {error.strerror or error}") from error
     except zipfile.BadZipFile as error:
-        raise FormatError(path, "", "is not a sound NumPy archive (.npz)") from error
+        raise FormatError(path, "", "no weights: is not a sound NumPy archive (.npz)") from error
     if arrays.get("std", np.ones(())) <= 0:
         raise FormatError(path, "std", f"{arrays['std'].item()!r} is not positive")
     return Weights.of(arrays)

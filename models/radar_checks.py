@@ -17,7 +17,8 @@ from .records import Array, Stream
 PLANE = ("cov_xx", "cov_xy", "cov_yy")
 SPACE = (*PLANE, "cov_xz", "cov_yz", "cov_zz")
 ROUNDING = 1e-3
-"""How far outside its view [m, rad] a detection may stand, its numbers having been rounded."""
+"""How far outside its view [m, rad] a detection may stand, its numbers having been rounded; and
+how far from even, in steps, the axis of a map may be."""
 SPREAD = 6.0
 """Standard deviations of the noise that it may stand outside."""
 
@@ -25,12 +26,16 @@ SPREAD = 6.0
 def check_detections(stream: Stream, at: Place) -> None:
     """Raise :class:`FormatError` unless covariances are such and the views hold the detections.
 
+    Maps must have their axes.
+
     ``stream`` is one of a radar, its columns sound one by one.
     """
     if any(key in stream.rows for key in SPACE):
         _check_covariance(stream, at)
     if any(key.startswith("view_") for key in stream.scan):
         _check_view(stream, at)
+    if stream.kind == "range_angle_map":
+        _check_axes(stream, at)
 
 
 def _check_covariance(stream: Stream, at: Place) -> None:
@@ -73,6 +78,29 @@ def _check_view(stream: Stream, at: Place) -> None:
     turn = (azimuth - np.repeat(first, counts) + slip) % (2 * pi)
     beside = turn > np.repeat(width, counts) + 2 * slip
     (at / f"rows/{keys[1]}").none(beside, stream.rows[keys[1]], "is beside the view's azimuths")
+
+
+def _check_axes(stream: Stream, at: Place) -> None:
+    """Both axes of a map: even steps upwards, as many values as the map has along them."""
+    shape = []
+    for name, limit in (("range_axis", np.inf), ("azimuth_axis", 2 * pi)):
+        place = at / "model" / name
+        if name not in stream.model:
+            place.fail("is missing: where do the cells of the map lie?")
+        axis = np.asarray(stream.model[name])
+        if axis.ndim != 1 or len(axis) < 2 or axis.dtype.kind not in "iuf":
+            place.fail("must be a list of two or more numbers")
+        axis = axis.astype(float)
+        place.increasing(axis, strictly=True)
+        even = np.linspace(axis[0], axis[-1], len(axis))
+        place.none(np.abs(axis - even) > ROUNDING * (even[1] - even[0]), axis, "breaks even steps")
+        if axis[-1] - axis[0] > limit + ROUNDING:
+            place.fail("goes round more than once")
+        shape.append(len(axis))
+    if stream.model["range_axis"][0] < 0:
+        (at / "model/range_axis").fail(f"{stream.model['range_axis'][0]!r} is negative", 0)
+    if stream.scan["map"].shape[1:] != tuple(shape):
+        (at / "scan/map").fail(f"is {stream.scan['map'].shape[1:]} a scan, the axes {tuple(shape)}")
 
 
 def _polar(stream: Stream) -> tuple[Array, Array, tuple[str, str]]:

@@ -40,9 +40,9 @@ def refused(broken: Stream, message: str, after: int | None = None) -> None:
 def test_times_of_scans(kind: str):
     rows = {key: np.zeros(0) for key in ("x", "y", "range", "azimuth")}
     maps = {"map": np.zeros((3, 2, 2), np.float32)} if kind == "range_angle_map" else {}
-    sound = Stream(
-        kind, ("r",), {}, np.array([1, 2, 3]), np.zeros(4, np.int64), maps, {} if maps else rows
-    )
+    axes = {"range_axis": np.arange(2.0), "azimuth_axis": np.arange(2.0)} if maps else {}
+    rows = {} if maps else rows
+    sound = Stream(kind, ("r",), axes, np.array([1, 2, 3]), np.zeros(4, np.int64), maps, rows)
     check_stream(sound, SENSORS, "r", after=0)
     refused(sound, r"time_ns\[0\]: 1 is the time of a second scan", after=1)
     refused(sound, r"time_ns\[0\]: 1 is out of order after 2", after=2)
@@ -154,3 +154,52 @@ def test_noise_carries_detections_out_of_the_view():
     noise = {"cov_xx": np.ones(3), "cov_xy": np.zeros(3), "cov_yy": np.ones(3)}
     check_stream(replace(plane, rows={**plane.rows, **noise}), SENSORS, "r")
     refused(plane, r"rows/x\[0\]: 103.0")
+
+
+def maps(**changes: Any) -> Stream:
+    """Two maps of three ranges and four azimuths."""
+    axes = {"range_axis": np.array([0.0, 0.4, 0.8]), "azimuth_axis": np.linspace(-1, 1, 4)}
+    power = np.ones((2, 3, 4), np.float32)
+    none = np.zeros(3, np.int64)
+    whole = Stream("range_angle_map", ("r",), axes, np.array([1, 2]), none, {"map": power}, {})
+    return replace(whole, **changes)
+
+
+@pytest.mark.parametrize(
+    ("axis", "values", "message"),
+    [
+        ("range_axis", None, "model/range_axis: is missing"),
+        ("azimuth_axis", None, "model/azimuth_axis: is missing"),
+        ("range_axis", 1.0, "model/range_axis: must be a list of two or more numbers"),
+        ("range_axis", [1.0], "model/range_axis: must be a list of two or more numbers"),
+        ("range_axis", [0.0, 0.4, np.nan], r"model/range_axis\[2\]: nan is not finite"),
+        ("range_axis", [0.0, 0.4, 0.4], r"model/range_axis\[2\]: 0.4 is out of order"),
+        ("range_axis", [0.0, 0.4, 0.9], r"model/range_axis\[1\]: 0.4 breaks even steps"),
+        ("range_axis", [-0.4, 0.0, 0.4], r"model/range_axis\[0\]: .*-0.4.* is negative"),
+        ("range_axis", [0.0, 0.4, 0.8, 1.2], r"scan/map: is \(3, 4\) a scan, the axes \(4, 4\)"),
+        ("azimuth_axis", [1.0, 0.0, -1.0, -2.0], r"model/azimuth_axis\[1\]: 0.0 is out of order"),
+        ("azimuth_axis", [0.0, 3.0, 6.0, 9.0], "model/azimuth_axis: goes round more than once"),
+    ],
+)
+def test_axes_of_maps(axis: str, values: Any, message: str):
+    sound = maps()
+    check_stream(sound, SENSORS, "r")
+    model = {key: value for key, value in sound.model.items() if key != axis or values is not None}
+    if values is not None:
+        model[axis] = values
+    refused(replace(sound, model=model), message)
+
+
+def test_axes_may_have_been_rounded_and_may_go_round_once():
+    axes = {
+        "range_axis": (np.arange(3) * 0.4 + 30).astype(np.float32),
+        "azimuth_axis": np.linspace(-pi, pi, 4),
+    }
+    check_stream(maps(model=axes), SENSORS, "r")
+
+
+@pytest.mark.parametrize(("value", "message"), [(np.nan, "is not finite"), (-1.0, "is negative")])
+def test_pixels_of_maps(value: float, message: str):
+    power = np.ones((2, 3, 4), np.float32)
+    power[1, 2, 3] = value
+    refused(maps(scan={"map": power}), rf"scan/map\[1, 2, 3\]: .* {message}")
