@@ -7,7 +7,7 @@ import click
 from . import options
 from .outputs import say
 
-KINDS = ("estimators", "scenarios", "metrics", "formats", "importers", "policies")
+KINDS = ("estimators", "scenarios", "metrics", "formats", "importers", "policies", "plots")
 
 
 @click.command("list")

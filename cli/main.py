@@ -19,6 +19,7 @@ COMMANDS = (
     "estimate",
     "score",
     "report",
+    "plot",
     "info",
     "validate",
     "convert",
@@ -58,7 +59,8 @@ def commands() -> None:
     """Process recordings of radar and ultra-wideband data in batches.
 
     simulate writes recordings, estimate runs an estimator over them, score measures the result,
-    report writes tables. Data go to files or, as "-", through pipes; all else goes to stderr.
+    report writes tables, plot draws. Data go to files or, as "-", through pipes; all else goes to
+    stderr.
     """
 
 

@@ -55,11 +55,15 @@ class Target:
 
     def write_text(self, text: str) -> None:
         """Write ``text`` as the whole output."""
+        self.write_bytes(text.encode())
+
+    def write_bytes(self, data: bytes) -> None:
+        """Write ``data`` as the whole output."""
         with self.open() as target:
             if isinstance(target, Path):
-                target.write_text(text, encoding="utf-8")
+                target.write_bytes(data)
             else:
-                target.write(text.encode())
+                target.write(data)
 
 
 @contextmanager

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import options
 from .outputs import DASH, single
-
-if TYPE_CHECKING:
-    from ..models.records import Scores
 
 _SUFFIXES = {".md": "md", ".csv": "csv", ".tex": "latex", ".html": "html", ".json": "json"}
 
@@ -40,31 +35,28 @@ def command(
     """Write tables of SCORES.
 
     Scores are pooled over the recordings of each scenario. Several files are read as one; those
-    of 'estimate --timing' add the time per step.
+    of 'estimate --timing' add the time per step. HTML is one page without outside parts; with the
+    extra echoset[plot] it has all the plots that the scores allow.
 
     \b
     echoset report geo.csv ideal.csv -o report.md
     echoset report scores.csv --by estimator,part --format latex -o -
+    echoset report scores.csv -o report.html
     """
-    from ..metrics import pooling
     from ..metrics.table import concatenate
-    from ..report import render, tables
+    from ..report import gaps, page, render, tables
+    from ..report.plots import Inputs
     from .inputs import read_scores
+    from .pictures import pooled, portraits
 
     form = form or _SUFFIXES.get(PurePath(output).suffix, "md")
     target = single(output, form, overwrite)
     table = concatenate([read_scores(source) for source in scores])
     names = tuple(name.strip() for name in by.split(",")) if by else ()
-    if "recording" not in names:
-        table = pooling.pool(_unpooled(table), by_scenario=True)
-    target.write_text(render(tables(table, names), form, table.provenance))
-
-
-def _unpooled(scores: Scores) -> Scores:
-    """The rows of single recordings, which are pooled by scenario; if there are none, all."""
-    rows = [i for i, name in enumerate(scores.recording) if name != "*"]
-    names = ("recording", "estimator", "metric", "part")
-    numbers = ("time", "value", "n", "stderr")
-    columns: dict[str, Any] = {c: tuple(getattr(scores, c)[i] for i in rows) for c in names}
-    columns |= {c: getattr(scores, c)[rows] for c in numbers}
-    return replace(scores, **columns) if rows else scores
+    found = Inputs(scores=table, pooled=pooled(table))
+    made = tables(table if "recording" in names else found.tables[1], names)
+    if form == "html":
+        text = page(made, table.provenance, portraits(found), gaps(table))
+    else:
+        text = render(made, form, table.provenance)
+    target.write_text(text)

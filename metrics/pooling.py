@@ -21,7 +21,7 @@ from ..models.errors import InputError
 from ..models.names import scenario
 from ..models.records import Array, Scores
 from .bootstrap import recording_weights
-from .table import Key, concatenate, groups, rows, select
+from .table import Key, concatenate, groups, rows
 
 QUADRATIC = ("rmse", "pcrlb", "pcrlb-star")
 RESAMPLES = 1000
@@ -47,7 +47,7 @@ def pool(
     fresh = concatenate(tables)
     facts = set(_facts(fresh))
     ready = [i for i, fact in enumerate(_facts(scores)) if done[i] and fact not in facts]
-    return replace(concatenate([fresh, select(scores, ready)]), provenance=scores.provenance)
+    return replace(concatenate([fresh, scores.select(ready)]), provenance=scores.provenance)
 
 
 def _facts(scores: Scores) -> list[tuple[object, ...]]:

@@ -51,19 +51,6 @@ def concatenate(tables: Iterable[Scores]) -> Scores:
     )
 
 
-def select(scores: Scores, indices: Sequence[int]) -> Scores:
-    """The rows at ``indices``."""
-
-    def text(column: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(column[i] for i in indices)
-
-    names = (scores.recording, scores.estimator, scores.metric, scores.part)
-    recording, estimator, metric, part = map(text, names)
-    i = np.asarray(indices, int)
-    time, value, n, stderr = (x[i] for x in (scores.time, scores.value, scores.n, scores.stderr))
-    return Scores(recording, estimator, metric, part, time, value, n, stderr, scores.provenance)
-
-
 def keys(scores: Scores) -> list[Key]:
     """The names of every row."""
     return list(zip(scores.recording, scores.estimator, scores.metric, scores.part, strict=True))

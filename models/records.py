@@ -8,7 +8,7 @@ nanoseconds after ``Meta.epoch``. Ragged data are columns plus ``row_offset``: t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from heapq import merge
 from typing import Any
@@ -245,3 +245,15 @@ class Scores:
 
     def __len__(self) -> int:
         return len(self.recording)
+
+    def select(self, indices: Sequence[int]) -> Scores:
+        """The rows at ``indices``."""
+        rows = np.asarray(indices, int)
+
+        def text(column: tuple[str, ...]) -> tuple[str, ...]:
+            return tuple(column[i] for i in rows)
+
+        names = (self.recording, self.estimator, self.metric, self.part)
+        recording, estimator, metric, part = map(text, names)
+        time, value, n, stderr = (c[rows] for c in (self.time, self.value, self.n, self.stderr))
+        return Scores(recording, estimator, metric, part, time, value, n, stderr, self.provenance)

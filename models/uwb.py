@@ -48,3 +48,19 @@ def device_position(centre: Array, bias_distance: Any, bias_angle: Any) -> Array
     offset = np.stack((np.cos(bias_angle), np.sin(bias_angle)), axis=-1)
     position: Array = centre + np.asarray(bias_distance)[..., None] * offset
     return position
+
+
+def error_bound(points: Array, anchors: Array, std: Array) -> Array:
+    """Position error bound (...) [m] at ``points`` (..., 2) of one range from each anchor.
+
+    ``anchors`` (a, 2), ``std`` (..., a) [m] of the ranges; the root of the trace of J^-1 with J the
+    sum of u u^T / std^2 over the unit vectors u from the anchors; infinite where J is singular.
+    """
+    away = points[..., None, :] - anchors
+    u = away / np.maximum(np.linalg.norm(away, axis=-1), 1e-12)[..., None]
+    J = np.einsum("...ai,...aj,...a->...ij", u, u, std**-2.0)
+    determinant = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] ** 2
+    trace = J[..., 0, 0] + J[..., 1, 1]
+    regular = determinant > 1e-12 * trace**2
+    square = np.divide(trace, determinant, out=np.full_like(trace, np.inf), where=regular)
+    return np.asarray(np.sqrt(square))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import html
 import io
 import json
 import math
@@ -13,6 +12,7 @@ from typing import Any
 
 from ..models.errors import ParameterError
 from ..models.parameters import suggestion
+from .page import first, page
 from .table import Cell, Number, Table, plain
 
 Provenance = Mapping[str, Any]
@@ -37,7 +37,7 @@ def _json_line(provenance: Provenance) -> str:
 
 
 def _comment(provenance: Provenance) -> str:
-    """Provenance as a comment of HTML and Markdown, which must not hold two hyphens."""
+    """Provenance as a comment of Markdown, which must not hold two hyphens."""
     if not provenance:
         return ""
     line = _json_line(provenance).replace("--", "-\\u002d")
@@ -55,17 +55,11 @@ def _markdown(tables: Sequence[Table], provenance: Provenance) -> str:
     text = ""
     for t in tables:
         text += f"\n## {t.title}\n\n" if t.title else "\n"
-        rule = ("---" if isinstance(c, str) else "---:" for c in _first(t))
+        rule = ("---" if isinstance(c, str) else "---:" for c in first(t))
         text += line(t.columns) + f"|{'|'.join(rule)}|\n"
         text += "".join(line([plain(c) for c in row]) for row in t.rows)
     comment = _comment(provenance)
     return (text + (comment and f"\n{comment}")).lstrip("\n")
-
-
-def _first(table: Table) -> list[Cell]:
-    """A cell of each column that tells its alignment."""
-    columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.columns)
-    return [next((c for c in column if c is not None), "") for column in columns]
 
 
 def _csv(tables: Sequence[Table], provenance: Provenance) -> str:
@@ -115,40 +109,13 @@ def _latex(tables: Sequence[Table], provenance: Provenance) -> str:
 
     text = f"% provenance: {_json_line(provenance)}\n" if provenance else ""
     for t in tables:
-        kind = "".join("l" if isinstance(c, str) else "r" for c in _first(t))
+        kind = "".join("l" if isinstance(c, str) else "r" for c in first(t))
         caption = "".join(_LATEX.get(c, c) for c in t.title)
         text += f"\\begin{{table}}\n\\centering\n\\caption{{{caption}}}\n"
         text += f"\\begin{{tabular}}{{{kind}}}\n\\hline\n{line(t.columns)}\\hline\n"
         text += "".join(line([plain(c) for c in row]) for row in t.rows)
         text += "\\hline\n\\end{tabular}\n\\end{table}\n"
     return text
-
-
-_STYLE = (
-    "body{font-family:sans-serif;margin:2em}table{border-collapse:collapse;margin-bottom:2em}"
-    "th,td{padding:.2em .7em;border-bottom:1px solid #ccc;text-align:right}"
-    "caption{text-align:left;font-weight:bold;padding:.4em 0}th.t,td.t{text-align:left}"
-)
-
-
-def _html(tables: Sequence[Table], provenance: Provenance) -> str:
-    text = '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-    text += f"<title>echoset report</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
-    text += _comment(provenance)
-    for t in tables:
-        kind = [' class="t"' if isinstance(c, str) else "" for c in _first(t)]
-
-        def line(cells: Sequence[str], tag: str, kind: Sequence[str] = kind) -> str:
-            inside = "".join(
-                f"<{tag}{k}>{html.escape(c)}</{tag}>" for c, k in zip(cells, kind, strict=True)
-            )
-            return f"<tr>{inside}</tr>\n"
-
-        text += f"<table>\n<caption>{html.escape(t.title)}</caption>\n"
-        text += f"<thead>\n{line(t.columns, 'th')}</thead>\n<tbody>\n"
-        text += "".join(line([plain(c) for c in row], "td") for row in t.rows)
-        text += "</tbody>\n</table>\n"
-    return text + "</body>\n</html>\n"
 
 
 def _json(tables: Sequence[Table], provenance: Provenance) -> str:
@@ -172,6 +139,6 @@ FORMATS: Mapping[str, Callable[[Sequence[Table], Provenance], str]] = {
     "md": _markdown,
     "csv": _csv,
     "latex": _latex,
-    "html": _html,
+    "html": page,
     "json": _json,
 }

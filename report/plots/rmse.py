@@ -1,0 +1,60 @@
+"""Root mean square errors over time, with their bounds and what blocked the line of sight."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...models.errors import InputError
+from .blockages import shade
+from .columns import quantity, series, title
+from .panels import decades, legend, panels, sparse
+from .protocol import Inputs, Selection
+from .style import bound, line
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SUMMARY = "RMSE over time beside its bounds, blockages of a recording shaded"
+NEEDS: tuple[str, ...] = ("scores",)
+USES: tuple[str, ...] = ("recording",)
+SIZE = (16.0, 7.0)
+PARTS = ("device", "centre", "extent")
+
+
+def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
+    """One panel for each part; a bound that is not valid is thin.
+
+    Raises
+    ------
+    InputError : no RMSE over time
+    """
+    _, pooled = inputs.tables
+    found = {part: series(pooled, "rmse", part, selection) for part in PARTS}
+    shown = {part: lines for part, lines in found.items() if any(not s.bound for s in lines)}
+    if not shown:
+        raise InputError("rmse: the scores hold no rmse over time: score with -m rmse")
+    axes = panels(figure, len(shown), columns=1, sharex=True)
+    for a, (part, lines) in zip(axes, shown.items(), strict=True):
+        estimators = [s for s in lines if not s.bound]
+        for i, s in enumerate(estimators):
+            a.plot(s.time, s.value, label=s.label, **sparse(line(i), len(s.time), 10))
+            low, high = s.value - s.stderr, s.value + s.stderr
+            low = np.where(low > 0, low, s.value)
+            a.fill_between(s.time, low, high, color=line(i)["color"], alpha=0.2, lw=0)
+        for i, s in enumerate(s for s in lines if s.bound):
+            a.plot(s.time, np.where(s.valid, s.value, np.nan), label=s.label, **bound(i))
+            if not s.valid.all():
+                thin = {**bound(i), "linewidth": 0.4}
+                a.plot(s.time, s.value, label=f"{s.label}, not valid", **thin)
+        a.set_ylabel(quantity("rmse", part))
+        decades(a, "y")
+        a.margins(x=0)
+        if inputs.recordings:
+            limits = a.get_xlim()
+            shade([a], inputs.recording)
+            a.set_xlim(limits)
+    axes[-1].set_xlabel("time [s]")
+    figure.suptitle(title(pooled))
+    legend(figure, *axes)
