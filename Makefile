@@ -8,7 +8,7 @@ JOBS ?= 2
 SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check verify bench marks control-table autoferry gsncp-table clean
+.PHONY: demo test check browser verify bench marks control-table autoferry gsncp-table clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -16,7 +16,7 @@ $(STAMP): setup.cfg pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,plot]'
 	touch $@
 
-# The main job: simulate, estimate, score and report a small campaign into demo/.
+# The main job: simulate, estimate, score and report a small campaign into demo/ with pictures.
 demo: $(STAMP)
 	rm -rf demo
 	$(BIN)/echoset simulate uwb-olos --runs $(RUNS) --seed 1 -o demo/recordings/
@@ -25,8 +25,10 @@ demo: $(STAMP)
 	$(BIN)/echoset score demo/geo/*.h5 demo/ideal/*.h5 --truth demo/recordings/ \
 	    -m rmse,cdf,pcrlb,pcrlb-star --segments $(SEGMENTS) -o demo/scores.csv
 	$(BIN)/echoset report demo/scores.csv -o demo/report.md
-	$(BIN)/python examples/picture.py demo/recordings/uwb-olos-s1-0000.h5 \
-	    demo/geo/uwb-olos-s1-0000.eopda-geo.h5 demo/scene.svg
+	$(BIN)/echoset report demo/scores.csv -o demo/report.html
+	$(BIN)/echoset plot rmse demo/scores.csv demo/recordings/uwb-olos-s1-0000.h5 -o demo/rmse.svg
+	$(BIN)/echoset plot scene demo/recordings/uwb-olos-s1-0000.h5 \
+	    demo/geo/uwb-olos-s1-0000.eopda-geo.h5 -o demo/scene.svg
 	head -8 demo/report.md
 
 # The README's table: 100 runs, every estimator. An hour on two cores.
@@ -43,6 +45,10 @@ check: $(STAMP)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/python -m pytest
+
+# What reports look like in a browser; needs Chromium (Debian: apt-get install chromium).
+browser: $(STAMP)
+	$(BIN)/python -m pytest -m browser
 
 # The slow statistical checks.
 verify: $(STAMP)

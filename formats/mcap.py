@@ -3,7 +3,8 @@
 A file holds one section per record: the estimates, and the recording where it travels along. A
 section starts with an attachment that holds the small leaves of the tree (see :mod:`.layout`);
 its messages hold the tables of :mod:`.tables`; a metadata record at the end of the file holds
-provenance, tokens and digests. ``/tf`` and ``.../scene`` are for viewers and not read back.
+provenance, tokens and digests. ``/tf``, ``.../scene`` and ``.../outlines`` are for viewers and not
+read back.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from ..models.errors import ParameterError
-from ..models.records import Estimates, Meta, Recording
-from . import layout, scene
+from ..models.records import Estimates, Meta, Objects, Recording
+from . import layout, outlines, scene
 from . import tree as trees
 from .mcap_reader import HEADER, TRAILER, Source, inspect, read
 from .schemas import SCHEMAS
@@ -183,16 +184,21 @@ def _for_the_eye(record: Recording | Estimates) -> Iterator[Iterator[_Message]]:
         for k, (time_ns, data) in enumerate(messages):
             yield time_ns, _VIEWED, k, True, topic, schema, data
 
-    scene_update = "foxglove.SceneUpdate"
+    update, frame = "foxglove.SceneUpdate", record.meta.frame
+
+    def drawn(topic: str, objects: Objects, kind: str) -> Iterator[Iterator[_Message]]:
+        yield named(f"{topic}/scene", update, scene.shapes(objects, frame, kind))
+        points = outlines.clouds(objects, frame, kind)
+        yield named(f"{topic}/outlines", "foxglove.PointCloud", points)
+
     if isinstance(record, Estimates):
-        messages = scene.shapes(record.objects, record.meta.frame, "estimates")
-        yield named(f"/estimates/{record.estimator}/scene", scene_update, messages)
+        yield from drawn(f"/estimates/{record.estimator}", record.objects, "estimates")
         return
-    poses = sorted(scene.transforms(record.sensors, record.meta.frame))
+    poses = sorted(scene.transforms(record.sensors, frame))
     yield named("/tf", "foxglove.FrameTransform", iter(poses))
+    yield named("/sensors/scene", update, scene.sensors(record.sensors))
     if record.truth is not None:
-        messages = scene.shapes(record.truth.objects, record.meta.frame, "truth")
-        yield named("/truth/scene", scene_update, messages)
+        yield from drawn("/truth", record.truth.objects, "truth")
 
 
 def write(record: Recording | Estimates, target: Path | IO[bytes]) -> None:

@@ -150,6 +150,11 @@ def _encode_points(rows: Mapping[str, Array], frame: str, time_ns: int) -> bytes
         columns["y"] = (ground * np.sin(rows["azimuth"])).astype("f4")
         columns["z"] = (rows["range"] * np.sin(elevation)).astype("f4")
     columns.setdefault("z", np.zeros(len(columns["x"]), "f4"))
+    return point_cloud(columns, frame, time_ns)
+
+
+def point_cloud(columns: Mapping[str, Array], frame: str, time_ns: int) -> bytes:
+    """A ``foxglove.PointCloud`` with these fields, all of one length."""
     packed = np.dtype([(name, values.dtype.str) for name, values in columns.items()])
     points = np.empty(len(columns["x"]), packed)
     for name, values in columns.items():

@@ -1,8 +1,6 @@
-"""What scores lack: values that are no numbers, recordings that were not scored, steps left out."""
+"""What scores lack: recordings that were not scored, and steps that were left out."""
 
 from __future__ import annotations
-
-import numpy as np
 
 from ..models.names import scenario
 from ..models.records import Scores
@@ -15,39 +13,38 @@ LISTED = 5
 def gaps(scores: Scores) -> Table:
     """One line for each estimator and metric that lacks something; no line if nothing does.
 
-    A recording is missing for an estimator if another of the same scenario was scored on it.
+    A recording is missing where no score says anything of it, if others of its scenario have one.
     """
-    lines: list[tuple[Cell, ...]] = []
+    known: dict[str, set[str]] = {}
+    there: dict[tuple[str, str], dict[str, set[str]]] = {}
     names = list(zip(scores.recording, scores.estimator, scores.metric, strict=True))
-    wanted: dict[tuple[str, str], set[str]] = {}
-    there: dict[tuple[str, str, str], set[str]] = {}
     for recording, estimator, metric in names:
         if estimator and not recording.endswith("*") and not metric.endswith("-left-out"):
-            place = scenario(recording), metric
-            wanted.setdefault(place, set()).add(recording)
-            there.setdefault((*place, estimator), set()).add(recording)
-    for (scene, metric, estimator), found in there.items():
-        absent = sorted(wanted[scene, metric] - found)
-        if absent:
-            more = f" and {len(absent) - LISTED} more" if len(absent) > LISTED else ""
-            what = f"not scored: {', '.join(absent[:LISTED])}{more}"
-            lines.append((scene, estimator, metric, what))
-    counts: dict[tuple[str, str, str], int] = {}
-    for i in np.flatnonzero(~np.isfinite(scores.value)).tolist():
-        recording, estimator, metric = names[i]
-        key = scenario(recording), estimator, metric
-        counts[key] = counts.get(key, 0) + 1
-    lines += [(*key, f"{_number(n, 'value')} not finite") for key, n in counts.items()]
+            scene = scenario(recording)
+            known.setdefault(scene, set()).add(recording)
+            found = there.setdefault((scene, estimator), {})
+            found.setdefault(metric, set()).add(recording)
+    lines: list[tuple[Cell, ...]] = []
+    for (scene, estimator), metrics in there.items():
+        nowhere = known[scene] - set().union(*metrics.values())
+        if nowhere:
+            lines.append((scene, estimator, "all", _list(nowhere)))
+        for metric, recordings in metrics.items():
+            absent = known[scene] - recordings - nowhere
+            if absent:
+                lines.append((scene, estimator, metric, _list(absent)))
     left: dict[tuple[str, str, str], float] = {}
     for (recording, estimator, metric), value in zip(names, scores.value.tolist(), strict=True):
         if metric.endswith("-left-out") and value > 0 and not recording.endswith("*"):
             key = scenario(recording), estimator, metric.removesuffix("-left-out")
             left[key] = left.get(key, 0) + value
-    lines += [(*key, f"{_number(round(n), 'step')} without truth") for key, n in left.items()]
+    lines += [(*key, f"{n:g} step{'s' * (n != 1)} without truth") for key, n in left.items()]
     return Table(
         "Failures and gaps", ("scenario", "estimator", "metric", "what is missing"), tuple(lines)
     )
 
 
-def _number(n: int, what: str) -> str:
-    return f"{n} {what}{'s' * (n != 1)}"
+def _list(recordings: set[str]) -> str:
+    names = sorted(recordings)
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return f"not scored: {', '.join(names[:LISTED])}{more}"

@@ -126,7 +126,7 @@ def _plots(plots: Plots | None) -> str:
 
 def _gaps(table: Table) -> str:
     if not table.rows:
-        return "<p>None: every recording was scored by all metrics, every value is finite.</p>\n"
+        return "<p>None: every recording was scored by all metrics, at every step.</p>\n"
     return _table(Table("", table.columns, table.rows))
 
 

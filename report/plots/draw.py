@@ -107,9 +107,10 @@ def _check(kind: str, plot: Plot, inputs: Inputs) -> None:
         "estimates": bool(inputs.estimates),
         "scores": inputs.scores is not None,
     }
-    for what, there in given.items():
-        if what in plot.NEEDS and not there:
+    for what in plot.NEEDS:
+        if not given[what]:
             raise InputError(f"{kind}: needs {_NAMES[what]}, which no input holds")
+    for what, there in given.items():
         if there and what not in (*plot.NEEDS, *plot.USES):
             raise InputError(f"{kind}: draws no {_NAMES[what]}, but an input holds them")
 

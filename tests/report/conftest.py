@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +55,7 @@ def stations() -> Recording:
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of recordings, estimates and scores: UWB, point targets, extended targets, maps."""
     folder = tmp_path_factory.mktemp("plots")
+    show = warnings.showwarning
 
     def run(*words: object) -> None:
         assert main([str(w) for w in words]) == 0, words
@@ -86,19 +89,6 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run("estimate", "-e", "di-gsncp", folder / "extended.h5", *words, "-o", folder / "chain.h5")
     run("simulate", "surveillance", "--set", "steps=30", "-o", folder / "views.h5")
     formats.write(stations(), folder / "maps.h5", "h5")
+    logging.captureWarnings(False)
+    warnings.showwarning = show
     return folder
-
-
-CASES: dict[str, tuple[str, ...]] = {
-    "scene": ("uwb/uwb-olos-s1-0000.h5", "geo/uwb-olos-s1-0000.eopda-geo.h5"),
-    "map": ("maps.h5",),
-    "fused": ("maps.h5",),
-    "bound": ("uwb/uwb-olos-s1-0000.h5",),
-    "rmse": ("uwb.csv", "uwb/uwb-olos-s1-0000.h5"),
-    "cdf": ("uwb.csv",),
-    "sets": ("points.csv",),
-    "cardinality": ("points.h5", "mbm.h5", "phd.h5"),
-    "box": ("uwb.csv",),
-    "trace": ("chain.h5",),
-}
-"""Inputs of every kind of plot, in the folder of :func:`files`."""
