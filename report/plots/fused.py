@@ -15,7 +15,7 @@ from ...models.poses import pose_at
 from ...models.records import Array, Recording, Stream
 from . import places
 from .protocol import Inputs, Selection
-from .range_angle import CROSS, FLOOR, decibels, grid, last_maps, true_centres
+from .range_angle import FLOOR, RING, decibels, grid, last_maps, true_centres
 from .style import LABEL, SURFACE, VERMILION
 
 if TYPE_CHECKING:
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 SUMMARY = "range-angle maps of all stations, summed on the plane"
 NEEDS: tuple[str, ...] = ("recording",)
 USES: tuple[str, ...] = ("estimates",)
-SIZE = (12.0, 10.0)
+SIZE = (12.0, 8.8)
 CELLS = 400
 """Cells along the longer side."""
 
 
 def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
-    """The last scans of the span; true centres as white crosses, estimates as circles.
+    """The last scans of the span; true centres as white rings, estimates as crosses.
 
     Raises
     ------
@@ -49,18 +49,17 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     image = axes.pcolormesh(
         x, y, shown, cmap=SURFACE, vmin=FLOOR, shading="nearest", rasterized=True
     )
-    axes.plot(*truth.T, label="truth", **CROSS)
+    axes.plot(*truth.T, label="truth", **RING)
     for e in inputs.estimates:
         at = Selection(stop=now / 1e9).times(places.seconds(e.objects.time_ns))[-1:]
         rows = slice(*e.objects.row_offset[[*at, *(at + 1)]]) if len(at) else slice(0)
         axes.plot(
             *e.objects.columns("x", "y")[rows].T,
             ls="",
-            marker="o",
-            markersize=7,
-            markerfacecolor="none",
+            marker="x",
+            markersize=5,
             markeredgecolor=VERMILION,
-            markeredgewidth=1.2,
+            markeredgewidth=1.3,
             label=e.estimator,
         )
     for _, stream, _ in found:

@@ -26,7 +26,7 @@ FLOOR = -10.0
 
 
 def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
-    """One panel for each station, the last scan of the span; true centres as crosses.
+    """One panel for each station, the last scan of the span; true centres as rings.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
         local = (truth - position[:2]) @ turn[:2, :2]
         distance, angle = np.hypot(*local.T), np.arctan2(local[:, 1], local[:, 0])
         seen = (distance <= r[-1]) & (azimuth[0] <= angle) & (angle <= azimuth[-1])
-        a.plot(np.degrees(angle[seen]), distance[seen], **CROSS)
+        a.plot(np.degrees(angle[seen]), distance[seen], **RING)
         a.set_title(f"{stream.nodes[0]}, {stream.time_ns[k] / 1e9:g} s")
         a.grid(False)
         a.set(ylabel="range [m]")
@@ -63,12 +63,13 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     figure.suptitle(recording.meta.name)
 
 
-CROSS: dict[str, Any] = {
+RING: dict[str, Any] = {
     "color": "#ffffff",
-    "marker": "+",
+    "marker": "o",
     "ls": "",
-    "markersize": 6,
-    "markeredgewidth": 1.0,
+    "markersize": 7,
+    "markerfacecolor": "none",
+    "markeredgewidth": 0.8,
 }
 
 
