@@ -35,7 +35,7 @@ def shade(axes: Iterable[Axes], recording: Recording) -> None:
     """Shade the blockages of ``recording`` behind what ``axes`` show over time."""
     for a in axes:
         for start, stop, count in sorted(blockages(recording), key=lambda span: span[2]):
-            label = f"{count} line{'s' * (count > 1)} of sight blocked"
+            label = f"{count} link{'s' * (count > 1)} blocked"
             a.axvspan(
                 start,
                 stop,

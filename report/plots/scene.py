@@ -47,7 +47,8 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     dots: dict[str, Any] = {"color": GREY, "s": 1.5, "lw": 0, "alpha": 0.6, "zorder": 1}
     dots["rasterized"] = len(time) > MANY
     if len(time):
-        above.scatter(detected[:, 0], detected[:, 1], label="detections", **dots)
+        above.scatter(detected[:, 0], detected[:, 1], **dots)
+        above.plot([], [], color=GREY, ls="", marker=".", markersize=4, label="detections")
         for a, column in zip(over, detected.T[:2], strict=True):
             a.scatter(time, column, **dots)
     for outline in places.views(recording, selection):
@@ -60,7 +61,7 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     for i, (name, objects) in enumerate(sets):
         _objects(axes, objects, selection, i, name)
     _sensors(above, recording, selection)
-    above.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", adjustable="datalim")
+    above.set(xlabel="x [m]", ylabel="y [m]")
     _frame(axes, recording, sets)
     shade(over, recording)
     over[0].set(ylabel="x [m]")
@@ -69,6 +70,7 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     over[0].tick_params(labelbottom=False)
     figure.suptitle(recording.meta.name)
     legend(figure, above, over[1])
+    _true_to_scale(figure, above)
 
 
 _NOTE: dict[str, Any] = {
@@ -96,9 +98,18 @@ def _frame(axes: dict[str, Axes], recording: Recording, sets: list[tuple[str, Ob
         a.set_ylim(*_around(column, 0.2))
     sensors = [s.position[:, :2] for s in recording.sensors.values()]
     x, y = np.vstack([objects, *sensors]).T
-    axes["map"].dataLim.set_points(np.transpose((_around(x, 0.1), _around(y, 0.1))))
-    axes["map"].margins(0)
-    axes["map"].autoscale_view()
+    axes["map"].set(xlim=_around(x, 0.08), ylim=_around(y, 0.08))
+
+
+def _true_to_scale(figure: Figure, axes: Axes) -> None:
+    """Widen one axis until a metre is as long along both, in the place that the layout leaves."""
+    figure.draw_without_rendering()
+    width, height = axes.get_window_extent().size
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    metre = min(width / (x1 - x0), height / (y1 - y0))
+    more_x, more_y = width / metre - (x1 - x0), height / metre - (y1 - y0)
+    axes.set(xlim=(x0 - more_x / 2, x1 + more_x / 2), ylim=(y0 - more_y / 2, y1 + more_y / 2))
+    axes.set_aspect("equal", adjustable="box")
 
 
 def _around(values: Array, margin: float) -> tuple[float, float]:

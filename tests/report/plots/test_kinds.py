@@ -99,7 +99,7 @@ def test_no_text_lies_outside_or_on_another_axis_label(files: Path, kind: str) -
 def test_what_a_scene_shows(files: Path) -> None:
     shown = texts(figure(files, "scene"))
     assert {"A1", "A2", "A3", "anchor", "truth", "truth, device", "eopda-geo"} <= shown
-    assert {"1 line of sight blocked", "2 lines of sight blocked"} <= shown
+    assert {"1 link blocked", "2 links blocked"} <= shown
     made = figure(files, "scene", "views.h5")
     assert {"field of view", "regions", "region 1", "detections", "radar"} <= texts(made)
     assert made.get_suptitle() == "surveillance-s1-0000"
