@@ -170,7 +170,7 @@ def test_the_sum_is_of_the_first_stations_by_name(scene, network):
 
 
 def test_unused_stations_change_nothing(scene, network, caplog):
-    caplog.set_level("INFO")
+    caplog.set_level("INFO", "echoset")
     less = replace(scene, streams={k: scene.streams[k] for k in ("s0", "s1")})
     for a, b in zip(run(phd, scene, network, stations=2), run(phd, less, network), strict=True):
         np.testing.assert_array_equal(a.objects.state, b.objects.state)

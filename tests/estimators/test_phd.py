@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from echoset.estimators import phd
+from echoset.estimators.sensing import look
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
 from echoset.models.poses import yaw_quaternion
@@ -172,7 +173,7 @@ def test_extended_moments_are_the_unscented_ones_far_away(make_recording):
     model = {"std_range": 1.0, "std_azimuth": 0.01, "max_range": 200.0, "clutter_region": ()}
     recording = make_recording(z, "range_bearing")
     params = phd.Params(**{**BASE, **model})
-    seen = phd.look(params, next(recording.scans()), True, recording.sensors["radar"])
+    seen = look(params, next(recording.scans()), True, recording.sensors["radar"])
     m, P = np.array([[80.0, 40.0, 1.0, 2.0]]), 1e-4 * (np.eye(4) + 0.3)[None]
     for a, b in zip(phd.expected(seen, m, P, False), phd.expected(seen, m, P, True), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-8)

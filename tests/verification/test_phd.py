@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from echoset.estimators import phd
+from echoset.estimators.sensing import look
 from echoset.models.parameters import resolve, sensor_model
 from echoset.models.random import generator
 from echoset.models.regions import contains, polygons
@@ -40,7 +41,7 @@ def test_mean_and_variance_are_those_of_samples():
     state = phd.init()
     for scan in recording.scans():
         state, is_new = phd.predict(state, params, scan.time_ns)
-        seen = phd.look(params, scan, False, recording.sensors["radar"])
+        seen = look(params, scan, False, recording.sensors["radar"])
         posterior = phd.update(state.mixture, seen, params, is_new)
         mixture = phd.reduce(posterior.mixture, params)
         state = phd.State(
