@@ -59,8 +59,8 @@ def parts(recording: Recording, where: Array, chain: front.Chain, unit: float) -
             t = stations[scan.stream].table
             fusion.add(out, scan.scan["map"], t.pixel, t.corner, t.u, t.v)
 
-    gate = np.full(len(where), 4.0)
-    mask = soft > chain.params.excision
+    gate, room = np.full(len(where), 4.0), np.zeros(len(where))
+    mask = soft > chain.params.excision * STATIONS
     bright, some = np.argwhere(mask), mask & (np.indices(mask.shape).sum(0) % 4 == 0)
     print("part                      NumPy ms  ratio  as it runs")
     line("fusion", unit, fastest(definition), fastest(lambda: chain.fuse(0, scans)))
@@ -68,8 +68,8 @@ def parts(recording: Recording, where: Array, chain: front.Chain, unit: float) -
     line(
         f"1-NN, {len(bright)} pixels",
         unit,
-        fastest(lambda: pixels.nearest(point, where, gate)),
-        fastest(lambda: compiled.nearest(point, where, gate)),
+        fastest(lambda: pixels.nearest(point, where, gate, room)),
+        fastest(lambda: compiled.nearest(point, where, gate, room)),
     )
     rest = np.argwhere(some)
     line(
@@ -82,9 +82,10 @@ def parts(recording: Recording, where: Array, chain: front.Chain, unit: float) -
     assert chain.identify is not None
     told = chain.identify
     line("identification", unit, fastest(lambda: told(0, soft, where)))
-    line("clustering, all known", unit, fastest(lambda: chain.cluster(0, soft, where, gate)))
-    none = where[:0]
-    line("clustering, none known", unit, fastest(lambda: chain.cluster(0, soft, none, gate[:0])))
+    known = where, gate, room
+    line("clustering, all known", unit, fastest(lambda: chain.cluster(0, soft, *known)))
+    none = [a[:0] for a in known]
+    line("clustering, none known", unit, fastest(lambda: chain.cluster(0, soft, *none)))
 
 
 def main() -> None:

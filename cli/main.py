@@ -23,6 +23,7 @@ COMMANDS = (
     "info",
     "validate",
     "convert",
+    "train-classifier",
     "list",
     "describe",
     "completion",
@@ -41,7 +42,7 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
             return None
-        command: click.Command = import_module(f".{name}", __package__).command
+        command: click.Command = import_module(f".{name.replace('-', '_')}", __package__).command
         return command
 
     def resolve_command(

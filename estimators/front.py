@@ -46,8 +46,8 @@ Fuse = Callable[[int, Sequence[Scan]], Array]
 """Time [ns] and the scans of the maps then -> soft map (ny, nx)."""
 Identify = Callable[[int, Array, Array], Array]
 """Time [ns], soft map and positions (n, 2) -> probabilities (n, 2) of the classes there."""
-Cluster = Callable[[int, Array, Array, Array], tuple[Array, Array]]
-"""Time, soft map, positions (k, 2) and gates (k,) -> detections (n, 2), covariances (n, 2, 2)."""
+Cluster = Callable[[int, Array, Array, Array, Array], tuple[Array, Array]]
+"""Time, soft map, positions (k, 2), gates and rooms (k,) -> detections (n, 2), covariances."""
 Classes = Mapping[int, Array]
 """Log-probabilities (2,) of the classes of the targets, by label."""
 
@@ -111,25 +111,38 @@ def identify(weights: Weights, pixels: Pixels, time_ns: int, soft: Array, where:
 
 
 def cluster(
-    params: MapParams, pixels: Pixels, time_ns: int, soft: Array, where: Array, gate: Array
+    params: MapParams,
+    pixels: Pixels,
+    noise: float,
+    time_ns: int,
+    soft: Array,
+    where: Array,
+    gate: Array,
+    room: Array,
 ) -> tuple[Array, Array]:
     """Detections (n, 2) and covariances (n, 2, 2): of the known targets, then of the clusters.
 
     A bright pixel belongs to the nearest of ``where`` (k, 2), if it is within its ``gate`` (k,);
-    those that are left go to DBSCAN. A known target with too few pixels makes no detection.
+    those that are left, if bright enough for new ones, go to DBSCAN. A known target with too few
+    pixels makes no detection, nor does a cluster that leaves no room for a target beside the
+    ``room`` (k,) of a known one. The soft map's ``noise`` is its mean where nothing is.
     """
-    row, column = np.nonzero(soft > params.excision)
+    row, column = np.nonzero(soft > params.excision * noise)
     point = np.stack((pixels.x(column), pixels.y(row)), 1)
-    known = compiled_pixels.nearest(point, np.ascontiguousarray(where, float), gate)
+    where = np.ascontiguousarray(where, float)
+    known = compiled_pixels.nearest(point, where, gate, room)
     n, z, R = summary(point, known, len(where), pixels.cell)
     enough = n >= params.min_pixels
-    rest = known < 0
+    rest = (known < 0) & (soft[row, column] > params.excision_new * noise)
     mask = np.zeros(soft.shape, bool)
     mask[row[rest], column[rest]] = True
     reach2 = int((params.dbscan_radius / pixels.cell) ** 2 + 1e-6)
     label = compiled_pixels.dbscan(mask, reach2, params.dbscan_points)
     _, z_new, R_new = summary(point[rest], label, label.max(initial=-1) + 1, pixels.cell)
-    return np.concatenate((z[enough], z_new)), np.concatenate((R[enough], R_new))
+    taken = np.where(room > 0, room + min(params.rooms), 0.0)
+    new = compiled_pixels.nearest(z_new, where, taken, room) < 0
+    R = params.spread * np.concatenate((R[enough], R_new[new]))
+    return np.concatenate((z[enough], z_new[new])), R
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,7 +190,7 @@ class Chain:
             frozenset(unused),
             partial(fuse, stations, pixels),
             told,
-            partial(cluster, params, pixels),
+            partial(cluster, params, pixels, float(len(used))),
         )
 
 
@@ -240,9 +253,26 @@ def see(
         now += chain.params.class_memory * before.reshape(now.shape)
         now -= np.logaddexp.reduce(now, axis=1, keepdims=True)
         known = dict(zip(label.tolist(), now, strict=True))
-    gates = chain.params.gates
-    gate = np.array([gates[known[l].argmax()] if known else gates[0] for l in label.tolist()])
-    return Sight(time_ns, soft, *chain.cluster(time_ns, soft, where, gate), known)
+    kind = np.array([known[l].argmax() if known else 0 for l in label.tolist()], int)
+    gate, room = (np.array(sizes)[kind] for sizes in (chain.params.gates, chain.params.rooms))
+    apart = alone(where, room, np.lexsort((label, -kind)))
+    detections = chain.cluster(time_ns, soft, where[apart], gate[apart], room[apart])
+    return Sight(time_ns, soft, *detections, known)
+
+
+def alone(where: Array, room: Array, order: Array) -> Array:
+    """Which of the targets at ``where`` (k, 2) are no doubles of one that comes before.
+
+    Of two whose distance is less than the sum of their ``room`` (k,), the later one in the
+    ``order`` (k,) of indices is taken for a double of the other.
+    """
+    apart = np.ones(len(where), bool)
+    close = np.hypot(*(where[:, None] - where).T) < room + room[:, None]
+    for k, i in enumerate(order):
+        if apart[i]:
+            later = order[k + 1 :]
+            apart[later] &= ~close[i, later]
+    return apart
 
 
 def looks(

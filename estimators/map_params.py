@@ -25,12 +25,24 @@ class MapParams(TargetParams):
     stations: int | None = parameter(
         None, "1", "how many streams of maps are fused, the first by name; null: all"
     )
-    excision: float = parameter(400.0, "1", "power over the noise that bright pixels exceed")
+    excision: float = parameter(
+        100.0, "1", "bright pixels exceed so many times the noise, which is one for each station"
+    )
+    excision_new: float = parameter(
+        0.0, "1", "the same for pixels of no known target, if it is more"
+    )
     gate_pedestrian: float = parameter(
         4.0, "m", "bright pixels belong to the nearest known target within this, if it walks"
     )
     gate_vehicle: float = parameter(6.0, "m", "the same for a vehicle")
+    room_pedestrian: float = parameter(
+        0.0, "m", "radius that a pedestrian has to itself: where two overlap, one is a double"
+    )
+    room_vehicle: float = parameter(0.0, "m", "the same for a vehicle")
     min_pixels: int = parameter(10, "1", "least bright pixels of a known target for a detection")
+    spread: float = parameter(
+        1.0, "1", "variance of a detection over that of its pixels; 1: eq. 15 as it stands"
+    )
     dbscan_radius: float = parameter(3.0, "m", "neighbourhood of the other bright pixels")
     dbscan_points: int = parameter(50, "1", "least neighbours of a core pixel, itself included")
     identify: str = parameter("cnn", "1", "who tells the classes of targets: cnn or none")
@@ -42,12 +54,15 @@ class MapParams(TargetParams):
     def __post_init__(self) -> None:
         TargetParams.__post_init__(self)
         polygon(self.map_region, "map_region")
-        for name in ("map_cell", "gate_pedestrian", "gate_vehicle", "dbscan_radius"):
+        for name in ("map_cell", "gate_pedestrian", "gate_vehicle", "dbscan_radius", "spread"):
             require(getattr(self, name) > 0, name, "positive", getattr(self, name))
         x0, x1, y0, y1 = self.map_region
         count = (x1 - x0) / self.map_cell * (y1 - y0) / self.map_cell
         require(count <= LARGEST, "map_cell", f"so that {LARGEST} pixels suffice", self.map_cell)
-        require(self.excision >= 0, "excision", "at least 0", self.excision)
+        for name in ("room_pedestrian", "room_vehicle"):
+            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
+        for name in ("excision", "excision_new"):
+            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
         for name in ("min_pixels", "dbscan_points"):
             require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
         if self.stations is not None:
@@ -68,3 +83,8 @@ class MapParams(TargetParams):
     def gates(self) -> tuple[float, ...]:
         """The gates of all classes [m]."""
         return tuple(getattr(self, f"gate_{name}") for name in CLASSES)
+
+    @property
+    def rooms(self) -> tuple[float, ...]:
+        """The rooms of all classes [m]."""
+        return tuple(getattr(self, f"room_{name}") for name in CLASSES)

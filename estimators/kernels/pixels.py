@@ -14,16 +14,18 @@ from ...models.records import Array
 from .clusters import clusters
 
 
-def nearest(point: Array, where: Array, gate: Array) -> Array:
+def nearest(point: Array, where: Array, gate: Array, room: Array) -> Array:
     """Index (n,) of the target in ``where`` (k, 2) nearest to each ``point`` (n, 2).
 
-    -1 where it is farther than its own ``gate`` (k,); of equally near ones the first.
+    Distances are to circles of radius ``room`` (k,) about the targets, negative inside, so that
+    the large one of two neighbours gets what lies between their middles. -1 where the target's own
+    middle is farther than its ``gate`` (k,); of equally near ones the first.
     """
     if not len(where):
         return np.full(len(point), -1)
-    d2 = ((point[:, None] - where) ** 2).sum(2)
-    index = d2.argmin(1)
-    return np.where(d2.min(1) <= gate[index] ** 2, index, -1)
+    d = np.sqrt(((point[:, None] - where) ** 2).sum(2))
+    index = (d - room).argmin(1)
+    return np.where(d[np.arange(len(point)), index] <= gate[index], index, -1)
 
 
 def dbscan(mask: Array, reach2: int, least: int) -> Array:

@@ -260,12 +260,41 @@ def test_a_known_target_needs_pixels(scene, network):
     soft[200, 200:209] = 500.0
     where, gate = np.array([[0.5, 0.0]]), np.array([4.0])
     for least, count in ((9, 1), (10, 0)):
-        z, R = chain(scene, network, min_pixels=least).cluster(0, soft, where, gate)
+        z, R = chain(scene, network, min_pixels=least).cluster(0, soft, where, gate, 0 * gate)
         assert z.shape == (count, 2) and R.shape == (count, 2, 2)
     np.testing.assert_allclose(
-        chain(scene, network, min_pixels=1).cluster(0, soft, where, gate)[1][0],
+        chain(scene, network, min_pixels=1).cluster(0, soft, where, gate, 0 * gate)[1][0],
         np.diag([0.1**2 * (81 - 1) / 12 * 9 / 8, 0.0]) + 0.01 / 12 * np.eye(2),
     )
+
+
+def test_new_targets_need_brighter_pixels_and_room(scene, network):
+    """Of three groups beyond the gate the dim one and the one beside the known target are left."""
+    soft = np.zeros((400, 400), np.float32)
+    soft[200:210, 230:240] = soft[300:310, 300:310] = 5000.0
+    soft[100:110, 100:110] = 500.0
+    where, gate, room = np.zeros((1, 2)), np.array([2.0]), np.array([3.0])
+
+    def places(**changes):
+        z, _ = chain(scene, network, **changes).cluster(0, soft, where, gate, room * bool(changes))
+        return z.tolist()
+
+    beside, far, dim = [3.5, 0.5], [10.5, 10.5], [-9.5, -9.5]
+    np.testing.assert_allclose(places(), [dim, beside, far])
+    changes = {"excision_new": 200.0, "room_pedestrian": 0.6, "room_vehicle": 3.0}
+    np.testing.assert_allclose(places(**changes), [far])
+
+
+def test_doubles_are_left_out_by_order():
+    """The first of the order keeps its room; a double takes no room from a third."""
+    where, room = np.array([[0.0, 0.0], [1.0, 0.0], [2.5, 0.0]]), np.array([0.6, 0.6, 1.2])
+    for order, expected in (
+        ([0, 1, 2], [True, False, True]),
+        ([1, 0, 2], [False, True, False]),
+        ([2, 1, 0], [True, False, True]),
+    ):
+        assert front.alone(where, room, np.array(order)).tolist() == expected
+    assert front.alone(where, 0 * room, np.arange(3)).all()
 
 
 def test_memory_of_classes(scene, network):
@@ -317,7 +346,7 @@ def test_parts_may_be_replaced(module, scene, network):
     for a, b in zip(plain, module.run(shared, scene.scans()), strict=True):
         np.testing.assert_array_equal(a.objects.state, b.objects.state)
 
-    def told(time_ns, soft, where, gate):
+    def told(time_ns, soft, where, gate, room):
         return START + time_ns / 1e9 * VELOCITY, np.tile(1e-4 * np.eye(2), (2, 1, 1))
 
     exact = replace(context, chain=replace(context.chain, cluster=told))

@@ -65,16 +65,25 @@ def test_pixels_go_to_the_nearest_target_within_its_gate(nearest):
     distance, index = cKDTree(where).query(point)
     expected = np.where(distance <= gate[index], index, -1)
     assert len(np.unique(expected)) == 9
-    np.testing.assert_array_equal(nearest(point, where, gate), expected)
+    np.testing.assert_array_equal(nearest(point, where, gate, np.zeros(8)), expected)
+
+
+@pytest.mark.parametrize("nearest", [pixels.nearest, compiled.nearest])
+def test_the_border_between_two_targets_is_where_their_outlines_are_equally_far(nearest):
+    """From circles of 2.5 m and 0.5 m about 0 and 4 m it lies at 3 m."""
+    where, gate, room = np.array([[0.0, 0.0], [4.0, 0.0]]), np.full(2, 5.0), np.array([2.5, 0.5])
+    point = np.array([[2.9, 0.0], [3.1, 0.0], [-5.1, 0.0], [9.1, 0.0], [0.0, -4.9]])
+    assert nearest(point, where, gate, room).tolist() == [0, 1, -1, -1, 0]
+    assert nearest(point, where, gate, np.zeros(2)).tolist() == [1, 1, -1, -1, 0]
 
 
 @pytest.mark.parametrize("nearest", [pixels.nearest, compiled.nearest])
 def test_the_gate_is_that_of_the_nearest(nearest):
     where, gate = np.array([[0.0, 0.0], [10.0, 0.0]]), np.array([4.0, 6.0])
     point = np.array([[4.0, 0.0], [4.9, 0.0], [5.0, 0.0], [5.1, 0.0], [16.0, 0.0], [16.1, 0.0]])
-    assert nearest(point, where, gate).tolist() == [0, -1, -1, 1, 1, -1]
-    assert nearest(point, np.zeros((0, 2)), np.zeros(0)).tolist() == [-1] * 6
-    assert nearest(np.zeros((0, 2)), where, gate).shape == (0,)
+    assert nearest(point, where, gate, np.zeros(2)).tolist() == [0, -1, -1, 1, 1, -1]
+    assert nearest(point, np.zeros((0, 2)), np.zeros(0), np.zeros(0)).tolist() == [-1] * 6
+    assert nearest(np.zeros((0, 2)), where, gate, np.zeros(2)).shape == (0,)
 
 
 def test_centroid_and_covariance_by_hand():

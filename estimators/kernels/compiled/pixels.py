@@ -13,17 +13,17 @@ from ....models.records import Array
 
 
 @njit(cache=True)
-def nearest(point: Array, where: Array, gate: Array) -> Array:
+def nearest(point: Array, where: Array, gate: Array, room: Array) -> Array:
     """Index (n,) of the target nearest to each point, -1 beyond its gate; see the definition."""
     out = np.full(len(point), -1)
     for i in range(len(point)):
-        best = np.inf
+        best, d = np.inf, 0.0
         for k in range(len(where)):
             x, y = point[i, 0] - where[k, 0], point[i, 1] - where[k, 1]
-            d2 = x * x + y * y
-            if d2 < best:
-                best, out[i] = d2, k
-        if out[i] >= 0 and best > gate[out[i]] ** 2:
+            middle = np.sqrt(x * x + y * y)
+            if middle - room[k] < best:
+                best, d, out[i] = middle - room[k], middle, k
+        if out[i] >= 0 and d > gate[out[i]]:
             out[i] = -1
     return out
 

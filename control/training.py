@@ -1,0 +1,149 @@
+"""Training of the classifier of pedestrians and vehicles, with PyTorch.
+
+E. Favarelli et al., "Multi-base station cooperative sensing with AI-aided tracking", section IV-B:
+one convolution of 20 filters 5 x 5, ReLU, maximum over 2 x 2, one fully connected layer, softmax.
+On one thread the same seed gives the same weights on the same version of PyTorch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..estimators.kernels.cnn import probabilities, scaled
+from ..models.classifier import CLASSES, FILTERS, KERNEL, POOLED, Weights
+from ..models.errors import ParameterError
+from ..models.parameters import parameter, require
+from ..models.records import Array
+from ..simulate import jsc
+from .windows import Windows, join, scenes
+
+Watch = Callable[[Iterable[Any], str, int], Iterable[Any]]
+"""What shows progress: (items, their name, how many) -> the items."""
+
+
+@dataclass(frozen=True, slots=True)
+class Params:
+    """Scenes to learn from and to test on, and how to learn."""
+
+    scenes: int = parameter(600, "1", "scenes to train on")
+    held_out: int = parameter(200, "1", "scenes to test on")
+    scans: int = parameter(10, "1", "scans of a scene, spread over its time")
+    displacement: float = parameter(0.5, "m", "standard deviation sigma_w of the windows' middle")
+    between: int = parameter(3, "1", "windows to train on in the middle of two near pedestrians")
+    epochs: int = parameter(8, "1", "passes over the training set")
+    batch: int = parameter(64, "1", "windows in a step")
+    learning_rate: float = parameter(1e-3, "1", "of Adam, falling to zero along a cosine")
+    weight_decay: float = parameter(1e-2, "1", "decoupled (AdamW)")
+
+    def __post_init__(self) -> None:
+        for name in ("scenes", "held_out", "scans", "epochs", "batch"):
+            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
+        require(self.learning_rate > 0, "learning_rate", "positive", self.learning_rate)
+        for name in ("displacement", "between", "weight_decay"):
+            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """Share of right classes with ``stations`` stations; its error is one over scenes."""
+
+    stations: int
+    share: float
+    stderr: float
+    windows: int
+
+
+def require_torch() -> Any:
+    """PyTorch.
+
+    Raises
+    ------
+    ParameterError : it is not installed
+    """
+    try:
+        import torch
+    except ImportError as error:
+        raise ParameterError("training needs PyTorch: pip install 'echoset[train]'") from error
+    return torch
+
+
+def data(scene: jsc.Params, params: Params, seed: int, watch: Watch) -> tuple[Windows, Windows]:
+    """Windows to train on and to test on; no scene is in both, nor its random streams."""
+    found = []
+    for stage, count, between in (
+        ("train", params.scenes, params.between),
+        ("test", params.held_out, 0),
+    ):
+        key = f"classifier:{stage}"
+        some = scenes(scene, range(count), seed, key, params.scans, params.displacement, between)
+        found.append(join(watch(some, f"{stage} scene", count)))
+    return found[0], found[1]
+
+
+def train(windows: Windows, params: Params, seed: int, watch: Watch) -> Weights:
+    """Weights learnt from ``windows``.
+
+    Raises
+    ------
+    ParameterError : PyTorch is not installed
+    """
+    torch = require_torch()
+    torch.set_num_threads(1)
+    torch.manual_seed(seed)
+    x = scaled(windows.power)
+    mean, std = float(x.mean()), float(x.std())
+    inputs = torch.from_numpy(scaled(windows.power, mean, std)[:, None])
+    targets = torch.from_numpy(windows.kind.astype(np.int64))
+    network = torch.nn.Sequential(
+        torch.nn.Conv2d(1, FILTERS, KERNEL),
+        torch.nn.ReLU(),
+        torch.nn.MaxPool2d(2),
+        torch.nn.Flatten(),
+        torch.nn.Linear(FILTERS * POOLED**2, len(CLASSES)),
+    )
+    rate = params.learning_rate
+    optimiser = torch.optim.AdamW(network.parameters(), rate, weight_decay=params.weight_decay)
+    steps = params.epochs * -(-len(inputs) // params.batch)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    loss_of = torch.nn.CrossEntropyLoss()
+    for _ in watch(range(params.epochs), "epoch", params.epochs):
+        order = torch.randperm(len(inputs))
+        for chosen in order.split(params.batch):
+            batch = _turned(inputs[chosen], torch)
+            loss = loss_of(network(batch), targets[chosen])
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            schedule.step()
+    conv, bias, fc, fc_bias = (p.detach().numpy().copy() for p in network.parameters())
+    return Weights(conv, bias, fc, fc_bias, mean, std)
+
+
+def _turned(batch: Any, torch: Any) -> Any:
+    """The windows turned and mirrored together, at random: the law of the scene nearly stays."""
+    turn = int(torch.randint(8, (1,)))
+    batch = torch.rot90(batch, turn % 4, (2, 3))
+    return batch.flip(2) if turn >= 4 else batch
+
+
+def evaluate(weights: Weights, windows: Windows) -> list[Accuracy]:
+    """Accuracy by number of stations, by the inference that the estimators use."""
+    right = _right(weights, windows.power, windows.kind)
+    found = []
+    for n in np.unique(windows.stations).tolist():
+        mine = windows.stations == n
+        _, scene = np.unique(windows.scene[mine], return_inverse=True)
+        share, count = right[mine].mean(), np.bincount(scene)
+        excess = np.bincount(scene, right[mine] - share)
+        stderr = np.sqrt((excess**2).sum()) / count.sum()
+        found.append(Accuracy(n, float(share), float(stderr), int(mine.sum())))
+    return found
+
+
+def _right(weights: Weights, power: Array, kind: Array) -> Array:
+    parts = [probabilities(weights, power[k : k + 64]).argmax(1) for k in range(0, len(power), 64)]
+    return np.asarray(np.concatenate(parts) == kind)

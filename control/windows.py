@@ -1,0 +1,109 @@
+"""Windows of soft maps about targets whose class is known: what the classifier learns from.
+
+E. Favarelli et al., "Multi-base station cooperative sensing with AI-aided tracking", section III-A:
+the true position is displaced at random, as that of a filter would be. Every scene has
+trajectories of its own and only a few scans, far apart; of the stations a random number takes part,
+so that one network serves any number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..estimators.front import Station, fuse
+from ..estimators.kernels.cnn import windows
+from ..estimators.kernels.fusion import Pixels
+from ..models.classifier import CELL, CLASSES, WINDOW
+from ..models.random import generator
+from ..models.records import Array, Recording
+from ..simulate import jsc
+
+REGION = (-20.0, 20.0, -20.0, 20.0)
+"""Soft map [m]: x_min, x_max, y_min, y_max."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Windows:
+    """Powers (n, 60, 60), the class (n,) of the target in their middle, and whence they are.
+
+    ``stations`` (n,) is how many stations were fused, ``scene`` (n,) the number of the scene.
+    """
+
+    power: Array
+    kind: Array
+    stations: Array
+    scene: Array
+
+
+def join(parts: Iterable[Windows]) -> Windows:
+    """The windows of all parts."""
+    columns = zip(*((p.power, p.kind, p.stations, p.scene) for p in parts), strict=True)
+    return Windows(*map(np.concatenate, columns))
+
+
+def scenes(
+    params: jsc.Params,
+    numbers: Iterable[int],
+    seed: int,
+    stage: str,
+    scans: int,
+    displacement: float,
+    between: int = 0,
+) -> Iterator[Windows]:
+    """The windows of scenes: for each target and scan one, displaced by ``displacement`` [m].
+
+    And ``between`` about the middle of each two pedestrians who are less than a window apart.
+    ``stage`` keys the random streams, so that scenes to train on and to test on differ.
+    """
+    spread = params.scans * params.dt / scans
+    sparse = replace(params, scans=scans, dt=spread)
+    for number in numbers:
+        name = f"scene-{number}"
+        rng = generator(seed, stage, name)
+        yield _windows(jsc.simulate(sparse, rng, name), number, displacement, between, rng)
+
+
+def _windows(
+    recording: Recording,
+    number: int,
+    displacement: float,
+    between: int,
+    rng: np.random.Generator,
+) -> Windows:
+    pixels = Pixels.of(REGION, CELL)
+    streams = recording.streams
+    stations = {
+        name: Station.of(recording.sensors[name], stream.model, pixels)
+        for name, stream in streams.items()
+    }
+    assert recording.truth is not None
+    truth = recording.truth.objects
+    assert truth.class_index is not None
+    scans = [list(stream.scans(name)) for name, stream in sorted(streams.items())]
+    power, kind, count = [], [], []
+    for k, t in enumerate(truth.time_ns.tolist()):
+        here = slice(truth.row_offset[k], truth.row_offset[k + 1])
+        where, kinds = _places(truth.columns("x", "y")[here], truth.class_index[here], between)
+        several = rng.permutation(np.resize(np.arange(1, len(scans) + 1), len(where)))
+        where = where + rng.normal(scale=displacement, size=where.shape)
+        for n in np.unique(several):
+            chosen = several == n
+            soft = fuse(stations, pixels, t, [scan[k] for scan in scans[:n]])
+            power.append(windows(soft, where[chosen], pixels))
+            kind.append(kinds[chosen])
+            count.append(several[chosen])
+    scene = np.full(sum(map(len, kind)), number)
+    return Windows(np.concatenate(power), np.concatenate(kind), np.concatenate(count), scene)
+
+
+def _places(where: Array, kind: Array, between: int) -> tuple[Array, Array]:
+    """Where windows are, and the class of each: targets, then middles of two pedestrians."""
+    walkers = where[kind == CLASSES.index("pedestrian")]
+    i, j = np.triu_indices(len(walkers), 1)
+    near = np.hypot(*(walkers[i] - walkers[j]).T) < WINDOW * CELL
+    middle = np.repeat((walkers[i] + walkers[j])[near] / 2, between, axis=0)
+    walker = np.full(len(middle), CLASSES.index("pedestrian"))
+    return np.concatenate((where, middle)), np.concatenate((kind, walker))

@@ -1,0 +1,86 @@
+"""What the classifier learns from, and that its network is PyTorch's."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from echoset.cli.scenarios import find
+from echoset.control import training
+from echoset.control.windows import join, scenes
+from echoset.estimators.front import SHIPPED
+from echoset.estimators.kernels.cnn import probabilities
+from echoset.formats import weights
+from echoset.models.errors import ParameterError
+from echoset.models.parameters import resolve
+from echoset.simulate import jsc
+
+VECTORS = Path(__file__).parent / "classifier_vectors.npz"
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return resolve(jsc.Params, *find("jsc-6bs").layers)
+
+
+@pytest.fixture(scope="module")
+def made(scene):
+    return {
+        stage: join(scenes(scene, range(2), 5, f"classifier:{stage}", 3, 0.5, between))
+        for stage, between in (("train", 1), ("test", 0))
+    }
+
+
+def test_the_network_is_pytorchs_on_stored_vectors():
+    """Probabilities that PyTorch gave for the weights that are shipped."""
+    stored = np.load(VECTORS)
+    found = probabilities(weights.read(SHIPPED), stored["power"].astype(np.float32))
+    assert len(found) == 12 and 3 < found[:, 1].sum() < 9
+    np.testing.assert_allclose(found, stored["probability"], atol=1e-5)
+
+
+def test_the_shipped_weights_tell_what_they_have_not_seen(made):
+    """Ninety percent of 48 windows: 4.5 standard errors below 98 percent is 89 percent."""
+    windows = made["test"]
+    right = probabilities(weights.read(SHIPPED), windows.power).argmax(1) == windows.kind
+    assert len(right) == 48 and right.mean() > 0.89
+
+
+def test_scenes_to_train_and_to_test_on_share_nothing(made):
+    train, test = (made[stage].power.reshape(len(made[stage].power), -1) for stage in made)
+    assert not (train[:, None] == test).all(2).any()
+    assert set(made["test"].stations.tolist()) == {1, 2, 3, 4, 5, 6}
+
+
+def test_windows_are_about_the_targets(scene):
+    """Undisplaced, the middle of a window is brighter than its corners."""
+    windows = join(scenes(replace(scene, pedestrians=2, vehicles=2), range(1), 6, "x", 4, 0.0))
+    power = windows.power[windows.stations >= 3]
+    middle, corner = power[:, 25:35, 25:35].mean((1, 2)), power[:, :10, :10].mean((1, 2))
+    assert np.median(middle / corner) > 10
+    assert np.bincount(windows.kind).tolist() == [8, 8]
+
+
+def test_between_two_pedestrians_is_no_vehicle(made):
+    train, test = made["train"], made["test"]
+    assert (np.bincount(train.kind) >= np.bincount(test.kind)).all()
+    assert np.bincount(train.kind)[1] == np.bincount(test.kind)[1] == 24
+
+
+def test_training_learns_and_repeats(made):
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+    params = training.Params(epochs=3, batch=8)
+    watch = lambda items, name, count: items  # noqa: E731
+    found = [training.train(made["train"], params, 1, watch) for _ in range(2)]
+    for a, b in zip(*(w.arrays().values() for w in found), strict=True):
+        np.testing.assert_array_equal(a, b)
+    share = [a.share for a in training.evaluate(found[0], made["train"])]
+    assert np.mean(share) > 0.7
+    assert torch.get_num_threads() == 1
+
+
+def test_without_pytorch_a_line_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "torch", None)
+    with pytest.raises(ParameterError, match=r"pip install 'echoset\[train\]'"):
+        training.require_torch()
