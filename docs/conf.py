@@ -1,5 +1,6 @@
 """Settings of Sphinx; the reference pages are written before it looks for pages."""
 
+import logging
 import sys
 from pathlib import Path
 
@@ -17,10 +18,13 @@ extensions = ["myst_parser"]
 myst_enable_extensions = ["amsmath", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build"]
-# Tables of results and pages on campaigns are taken up where they are.
-suppress_warnings = ["toc.empty_glob"]
 html_theme = "furo"
 html_title = f"echoset {release}"
 html_show_copyright = False
 
 reference.write(HERE / "reference")
+
+# Results are taken up where they have been made; Sphinx gives its warning no type to suppress.
+logging.getLogger("sphinx.sphinx.directives.other").addFilter(
+    lambda record: "didn't match any documents" not in str(record.msg)
+)

@@ -46,10 +46,13 @@ def walk(
 
 def _command_page() -> Iterator[str]:
     yield "# Commands\n"
-    yield "What `echoset COMMAND --help` prints. Exit codes stand in [](../exit-codes.md).\n"
+    yield "What `echoset COMMAND --help` prints.\n"
     for _, context in walk():
         yield f"## {context.command_path}\n"
         yield f"```text\n{context.get_help()}\n```\n"
+    yield "## Exit codes\n"
+    yield "```{include} ../../README.md"
+    yield ':start-after: "## Exit codes"\n:end-before: "## Licence"\n```'
 
 
 def _plugin_page(kind: str) -> Iterator[str]:
