@@ -14,7 +14,8 @@ from echoset import __version__  # noqa: E402
 project = "echoset"
 author = "The echoset developers"
 version = release = __version__
-extensions = ["myst_parser"]
+extensions = ["mathml", "myst_parser"]
+html_math_renderer = "mathml"
 myst_enable_extensions = ["amsmath", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build"]

@@ -91,7 +91,7 @@ def run(
             )  # fmt: skip
             assert done.returncode == 0, f"$ {line}\n{done.stdout}"
             return done.stdout
-        _, *words = shlex.split(line)
+        _, *words = shlex.split(line.replace("\\\n", " "))
         words = [w for word in words for w in (sorted(glob.glob(word)) or [word])]
         code = main(words)
         out, err = capfd.readouterr()
