@@ -8,7 +8,7 @@ JOBS ?= 2
 SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check browser docs packaging verify bench marks control-table autoferry gsncp-table clean
+.PHONY: demo test check browser docs packaging verify bench marks control-table autoferry labyrinth gsncp-table clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -73,6 +73,10 @@ control-table: $(STAMP)
 # Filters on measured marine radar, beside an empty output and an oracle.
 autoferry: $(STAMP)
 	$(BIN)/python benchmarks/autoferry_table.py
+
+# The README's table of a measured UWB recording.
+labyrinth: $(STAMP)
+	$(BIN)/python benchmarks/labyrinth_table.py
 
 # The DI-GSNCP paper's Fig. 2 as a table and as data: 100 runs, every method, on two cores.
 gsncp-table: $(STAMP)
