@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import click
 
-from echoset.cli.describe import GROUPS, describe
+from echoset.cli.describe import GROUPS
 from echoset.cli.list import KINDS
 from echoset.cli.main import commands
+from echoset.cli.scenarios import find
+from echoset.formats.plain_yaml import dump
 from echoset.models import registry
 from echoset.models.columns import COLUMNS
+from echoset.models.parameters import REQUIRED
 
 
 def write(folder: Path) -> None:
@@ -60,16 +64,32 @@ def _plugin_page(kind: str) -> Iterator[str]:
     yield f"# {kind.capitalize()}\n"
     yield f"Entry points of the group `{group}`."
     if group in GROUPS:
-        yield "The parameters are what `echoset describe NAME` prints, with defaults and units."
+        yield "`echoset describe NAME` prints the parameters as YAML, to be edited and passed back."
     for name in registry.names(group):
         plugin = registry.load(group, name)
         yield f"\n## {name}\n"
         yield f"{plugin.SUMMARY}\n"
         yield from _facts(plugin)
         if group in GROUPS:
-            yield "```yaml"
-            yield from describe(group, name)
-            yield "```"
+            yield from _parameters(kind, name, plugin)
+
+
+def _parameters(kind: str, name: str, plugin: Any) -> Iterator[str]:
+    """A table of parameters, and the presets."""
+    layers = find(name).layers if kind == "scenarios" else ()
+    own = {key: value for _, layer in layers for key, value in layer.items()}
+    yield "| parameter | default | unit | meaning |"
+    yield "|---|---|---|---|"
+    for field in dataclasses.fields(plugin.Params):
+        usual = field.default_factory() if callable(field.default_factory) else field.default
+        value = own.get(field.name, usual)
+        default = "from the recording" if value is REQUIRED else f"`{dump(value)}`"
+        unit = field.metadata["unit"] if field.metadata["unit"] != "1" else ""
+        yield f"| `{field.name}` | {default} | {unit} | {field.metadata['doc']} |"
+    for preset, values in getattr(plugin, "PRESETS", {}).items():
+        if values:
+            yield f"\n`--preset {preset}`:\n"
+            yield f"```yaml\n{chr(10).join(f'{k}: {dump(v)}' for k, v in values.items())}\n```"
 
 
 def _facts(plugin: Any) -> Iterator[str]:

@@ -89,9 +89,10 @@ def test_every_plugin_and_parameter(kind, name, plugin, reference, written) -> N
     if f"echoset.{kind}" in GROUPS:
         for field in dataclasses.fields(plugin.Params):
             assert field.metadata["doc"], f"{name}: {field.name}"
-            assert f"{field.metadata['doc']}" in part and f"{field.name}:" in part
-        for preset in getattr(plugin, "PRESETS", ()):
-            assert f"--preset {preset}:" in part
+            (row,) = (r for r in part.splitlines() if r.startswith(f"| `{field.name}` |"))
+            assert field.metadata["doc"] in row and field.metadata["unit"].strip("1") in row
+        for preset, values in getattr(plugin, "PRESETS", {}).items():
+            assert not values or f"`--preset {preset}`" in part
 
 
 def test_every_column(reference) -> None:
