@@ -1,8 +1,8 @@
 """Every block of code on every page, run in the order of the page in a folder of its own.
 
 Tags say what becomes of a block. ``console``: commands after ``$``, continued after ``>``, run and
-must end well; what stands below one is its output, in which ``...`` is anything and numbers with a
-point may differ a little, as they do between processors. ``python``: run. ``yaml`` and ``toml``:
+must end well; what stands below one is its output as on a terminal, in which ``...`` is anything
+and numbers with a point may differ a little, as they do between processors. ``python``: run. ``yaml`` and ``toml``:
 read. ``sh``: not run; the first line is a comment that says why, and commands and targets named in
 it exist. ``text``: no code.
 """
@@ -28,6 +28,8 @@ import yaml
 from echoset.cli.main import commands, main
 
 ROOT = Path(__file__).parents[2]
+STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+Z ", re.M)
+"""The time with which lines on stderr may begin where it is no terminal."""
 NUMBER = re.compile(r"-?\d+\.\d+(?:e[+-]?\d+)?")
 SHELL = re.compile(r"[|<>;&$`]|^(?!echoset )")
 Run = Callable[[str], str]
@@ -54,13 +56,14 @@ def test_blocks_that_are_not_run_name_what_exists(page: Path, page_blocks) -> No
                 words = shlex.split(part, comments=True)
                 if words[:1] == ["echoset"]:
                     parse(words[1:], f"{page.name}:{block.line}: {part}")
-                elif words[:1] == ["make"]:
-                    asked = {w for w in words[1:] if not w.startswith("-") and "=" not in w}
+                elif words[:1] == ["make"] and "-C" not in words:
+                    asked = {w for w in words[1:] if w[0] not in "-0123456789" and "=" not in w}
                     assert asked <= targets, f"{page.name}:{block.line}: {part}"
 
 
 def parse(words: list[str], where: str) -> None:
-    """Parse a command without running it."""
+    """Parse a command without running it; a list of inputs, ``@FILE``, need not be there."""
+    words = [word.removeprefix("@") for word in words]
     try:
         with click.Context(commands, info_name="echoset") as context:
             name, command, rest = commands.resolve_command(context, words)
@@ -90,7 +93,7 @@ def run(
                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
             )  # fmt: skip
             assert done.returncode == 0, f"$ {line}\n{done.stdout}"
-            return done.stdout
+            return STAMP.sub("", done.stdout)
         _, *words = shlex.split(line.replace("\\\n", " "))
         words = [w for word in words for w in (sorted(glob.glob(word)) or [word])]
         code = main(words)
