@@ -2,9 +2,9 @@
 
 Tags say what becomes of a block. ``console``: commands after ``$``, continued after ``>``, run and
 must end well; what stands below one is its output as on a terminal, in which ``...`` is anything
-and numbers with a point may differ a little, as they do between processors. ``python``: run. ``yaml`` and ``toml``:
-read. ``sh``: not run; the first line is a comment that says why, and commands and targets named in
-it exist. ``text``: no code.
+and numbers with a point may differ a little, as they do between processors. ``python``: run.
+``yaml`` and ``toml``: read. ``sh``: not run; the first line is a comment that says why, and
+commands and targets named in it exist. ``text``: no code.
 """
 
 from __future__ import annotations
