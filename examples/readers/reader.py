@@ -47,7 +47,8 @@ def read_hdf5(path: str) -> tuple[dict[str, Any], str]:
 
     def walk(group: h5py.Group, prefix: str) -> None:
         for name, value in group.attrs.items():
-            leaves[prefix + name] = value.item() if isinstance(value, np.generic) else value
+            plain = value.item() if isinstance(value, np.generic) else value
+            leaves[prefix + name] = plain.decode() if isinstance(plain, bytes) else plain
         for name, item in group.items():
             if isinstance(item, h5py.Group):
                 walk(item, f"{prefix}{name}/")
