@@ -31,7 +31,11 @@ ROOT = Path(__file__).parents[2]
 STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+Z ", re.M)
 """The time with which lines on stderr may begin where it is no terminal."""
 NUMBER = re.compile(r"-?\d+\.\d+(?:e[+-]?\d+)?")
-SHELL = re.compile(r"[|<>;&$`]|^(?!echoset )")
+PLAIN = re.compile(
+    r"echoset (?P<words>[^|<>;&$`]*?)"
+    r"( > (?P<file>[\w.]+)|(?P<fails> \|\| echo \"exit code \$\?\"))?"
+)
+"""A command that needs no shell: alone, into a file, or followed by its exit code."""
 Run = Callable[[str], str]
 
 
@@ -87,18 +91,23 @@ def run(
     show = warnings.showwarning
 
     def call(line: str) -> str:
-        if SHELL.search(line):
+        plain = PLAIN.fullmatch(line.replace("\\\n", " "))
+        if plain is None:
             done = subprocess.run(
                 ["bash", "-euo", "pipefail", "-c", line],
                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
             )  # fmt: skip
             assert done.returncode == 0, f"$ {line}\n{done.stdout}"
             return STAMP.sub("", done.stdout)
-        _, *words = shlex.split(line.replace("\\\n", " "))
-        words = [w for word in words for w in (sorted(glob.glob(word)) or [word])]
-        code = main(words)
+        words = shlex.split(plain["words"])
+        code = main([w for word in words for w in (sorted(glob.glob(word)) or [word])])
         out, err = capfd.readouterr()
+        if plain["fails"]:
+            return f"{STAMP.sub('', err)}exit code {code}\n"
         assert code == 0, f"$ {line}\n{err}"
+        if plain["file"]:
+            Path(plain["file"]).write_text(out)
+            return ""
         return out
 
     yield call
