@@ -247,12 +247,18 @@ def test_description_of_a_scenario_is_the_scenario(run, tmp_path):
     assert os.listdir(tmp_path / "out") == ["mine-s1-0000.h5"]
 
 
-def test_description_of_an_estimator_is_its_configuration(run, rec, tmp_path):
-    path = described(run, "mean", tmp_path)
-    words = ("estimate", "-e", "mean", rec, "-o")
+@pytest.mark.parametrize("name", ["mean", "eopda-geo"])
+def test_description_of_an_estimator_is_its_configuration(run, rec, tmp_path, name):
+    path = described(run, name, tmp_path)
+    few = () if name == "mean" else ("--set", "particles=100")
+    words = ("estimate", "-e", name, rec, *few, "-o")
     assert run(*words, tmp_path / "a.h5").code == 0
     assert run(*words, tmp_path / "b.h5", "--config", path).code == 0
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+    if name != "mean":
+        path.write_text(path.read_text().replace("#max_range: 20.0", "max_range: 5.0"))
+        assert run(*words, tmp_path / "c.h5", "--config", path).code == 0
+        assert formats.read(tmp_path / "c.h5").meta.provenance["parameters"]["max_range"] == 5
 
 
 def test_description_of_a_metric_is_its_configuration(run, rec, tmp_path):
@@ -260,6 +266,9 @@ def test_description_of_a_metric_is_its_configuration(run, rec, tmp_path):
     words = ("score", tmp_path / "e.h5", "--truth", rec, "-m", "rmse")
     path = described(run, "rmse", tmp_path)
     assert run(*words) == run(*words, "--config", path)
+    skipped = run(*words, "--set", "skip=7")
+    path.write_text(path.read_text().replace("#skip: 0", "skip: 7"))
+    assert run(*words, "--config", path) == skipped
     assert run(*words, "--set", "skip=7") == run(*words, "--set", "rmse.skip=7") != run(*words)
 
 
