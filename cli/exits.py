@@ -9,10 +9,11 @@
 5          output exists or cannot be written
 6          a ``--fail-if`` gate
 7          estimator failed
+75         a lock is held, or a cluster cannot be reached: try again later
 128 + n    ended by signal n: 129 hang-up, 130 Ctrl-C, 141 closed pipe, 143 SIGTERM
 =========  =========================================================================
 
-Where several apply: signal > 1 > 7 > 5 > 4 > 3.
+Where several apply: signal > 75 > 1 > 7 > 5 > 4 > 3.
 """
 
 from __future__ import annotations
@@ -34,6 +35,14 @@ from . import log
 SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
 PARTIAL, GATE = 3, 6
 _RANKING = (1, 7, 5, 4, PARTIAL)
+MEANINGS = {
+    1: "internal error",
+    2: "configuration",
+    4: "input unreadable, corrupt or lacking what is needed",
+    5: "output exists or cannot be written",
+    7: "estimator failed",
+}
+"""What failed where a task ends with this code."""
 
 
 class Terminated(SystemExit):
@@ -72,6 +81,8 @@ def message(error: BaseException) -> str:
     """What the user is told of ``error``."""
     if isinstance(error, EchosetError):
         return str(error)
+    if isinstance(error, Terminated):
+        return f"ended by signal {int(str(error.code)) - 128}"
     return f"internal error: {type(error).__name__}: {error}"
 
 

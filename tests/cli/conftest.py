@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import subprocess
 import sys
 import warnings
@@ -15,6 +16,8 @@ import pytest
 
 from echoset.cli.main import main
 from echoset.models import registry
+
+TIME = re.compile(r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ echoset: ", re.MULTILINE)
 
 PLUGIN = """
 import time
@@ -82,6 +85,11 @@ class Result(NamedTuple):
     err: str
 
 
+def untimed(err: bytes) -> str:
+    """Lines of the log without the time that they begin with."""
+    return TIME.sub("echoset: ", err.decode())
+
+
 @pytest.fixture(scope="session")
 def plugins(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with an installed distribution of two estimators."""
@@ -116,7 +124,7 @@ def run(capfdbinary: pytest.CaptureFixture[bytes]) -> Callable[..., Result]:
     def call(*args: object) -> Result:
         code = main([str(a) for a in args])
         out, err = capfdbinary.readouterr()
-        return Result(code, out.decode("latin-1"), err.decode())
+        return Result(code, out.decode("latin-1"), untimed(err))
 
     return call
 

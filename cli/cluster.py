@@ -1,0 +1,131 @@
+"""An existing Dask cluster as the workers: the extra ``echoset[cluster]``.
+
+Workers run the same tasks on the same files, so they need the same file system, and the same
+versions of echoset and of what its numbers come from.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Future
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from time import monotonic
+from typing import Any, TypeVar
+
+from ..formats.provenance import versions
+from ..models.errors import ParameterError, UnavailableError
+from . import log
+
+R = TypeVar("R")
+
+_CONNECT = 10.0
+"""Seconds within which a scheduler has to answer."""
+_LOOK = 5.0
+"""Seconds after which the number of workers is asked for again."""
+_PER_THREAD = 2
+"""Tasks in flight for each thread of the cluster: one runs, one waits."""
+_LOST = (OSError, TimeoutError, CancelledError, asyncio.CancelledError)
+
+
+class Cluster:
+    """The workers of a Dask scheduler, given by its address or scheduler file.
+
+    Raises
+    ------
+    ParameterError : the extra is not installed
+    UnavailableError : the scheduler does not answer
+    """
+
+    def __init__(self, address: str) -> None:
+        try:
+            distributed: Any = import_module("distributed")
+        except ImportError:
+            raise ParameterError(
+                "--cluster needs the extra: pip install 'echoset[cluster]'"
+            ) from None
+        for name in ("distributed", "tornado", "asyncio"):
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        self.died: tuple[type[Exception], ...] = (distributed.KilledWorker,)
+        self._address = address
+        place = {"address": address} if "://" in address else {"scheduler_file": address}
+        if "scheduler_file" in place and not Path(address).is_file():
+            raise UnavailableError(f"--cluster {address}: no such scheduler file")
+        try:
+            options = {**place, "timeout": _CONNECT, "set_as_default": False}
+            self._client = distributed.Client(**options)
+        except (OSError, ValueError) as error:
+            reason = " ".join(str(error).split())
+            raise UnavailableError(f"--cluster {address}: no scheduler answers: {reason}") from None
+        self._executor = self._client.get_executor(pure=False)
+        self._versions = versions()
+        self._width, self._looked, self._warned = 1, -_LOOK, False
+
+    @property
+    def width(self) -> int:
+        """Number of tasks that keep every thread of the cluster busy."""
+        if monotonic() - self._looked > _LOOK:
+            self._look()
+        return self._width
+
+    def _look(self) -> None:
+        try:
+            threads = sum(self._client.nthreads().values())
+        except _LOST:
+            raise self._lost() from None
+        if not threads and not self._warned:
+            log.logger.warning("--cluster %s: has no workers: waiting for some", self._address)
+        self._warned = not threads
+        self._width, self._looked = max(1, _PER_THREAD * threads), monotonic()
+
+    def submit(self, call: Callable[..., R], /, *args: Any) -> Future[R]:
+        """Have ``call(*args)`` done.
+
+        Raises
+        ------
+        UnavailableError : the scheduler is lost, here or from the future
+        """
+        inner = self._executor.submit(_on_worker, self._versions, call, *args)
+        outer: Future[R] = Future()
+        inner.add_done_callback(lambda inner: self._pass_on(inner, outer))
+        return outer
+
+    def _pass_on(self, inner: Future[R], outer: Future[R]) -> None:
+        try:
+            outer.set_result(inner.result())
+        except _LOST:
+            outer.set_exception(self._lost())
+        except Exception as error:
+            outer.set_exception(error)
+
+    def watch(self) -> None:
+        """Speak of a cluster without workers; see whether the scheduler is still there."""
+        self._look()
+
+    def _lost(self) -> UnavailableError:
+        return UnavailableError(
+            f"--cluster {self._address}: the scheduler is lost; what is done is done, "
+            "--skip-existing goes on from there"
+        )
+
+    def close(self) -> None:
+        """Leave; what runs on workers runs to its end, what waits for one is given up."""
+        with suppress(Exception):
+            if self._client.status == "running":
+                self._executor.shutdown(wait=False)
+            self._client.close(timeout=1.0)
+
+
+def _on_worker(expected: dict[str, str], call: Callable[..., R], *args: Any) -> R:
+    """``call(*args)``, unless the numbers of this worker would come from other versions."""
+    if versions() != expected:
+        differ = [
+            f"{name} {here} instead of {expected[name]}"
+            for name, here in versions().items()
+            if here != expected[name]
+        ]
+        raise UnavailableError(f"a worker of the cluster has {', '.join(differ)}")
+    return call(*args)
