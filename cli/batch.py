@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import pickle
 from collections import Counter, deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from time import perf_counter
 from traceback import format_exception
@@ -20,7 +20,7 @@ from ..models.errors import EchosetError, FormatError
 from . import exits, log, progress
 from .campaign import Campaign
 from .outputs import Target, say
-from .resume import SKIP, Decision
+from .resume import REDO, SKIP, Decision
 from .summary import Summary
 from .workers import Here, Processes, Workers
 
@@ -81,23 +81,23 @@ def run(
     many = len(tasks) > 1
     call = _Call(work, decide, dry_run)
     good: dict[int, Outcome[R]] = {}
-    with Summary(len(tasks), campaign.summary) as summary:
-        if not dry_run:
-            _sweep(tasks)
-        workers = _workers(campaign, len(tasks))
-        with closing(workers):
-            found = _outcomes(call, tasks, workers)
-            for number, outcome in progress.bar(found, "file", len(tasks)) if many else found:
-                task, error = tasks[number], outcome.error
-                if error is None:
-                    good[number] = outcome
-                    summary.add(outcome.decision)
-                    log.logger.info("%s", _told(task, outcome))
-                    continue
-                summary.add_failure(task, error)
-                if not (campaign.keep_going and many):
-                    raise _with_name(task, error)
-                log.error(_named(task, exits.message(error)), error)
+    with (
+        Summary(len(tasks), campaign.summary) as summary,
+        _swept(() if dry_run else tasks),
+        closing(_workers(campaign, len(tasks))) as workers,
+    ):
+        found = _outcomes(call, tasks, workers)
+        for number, outcome in progress.bar(found, "file", len(tasks)) if many else found:
+            task, error = tasks[number], outcome.error
+            if error is None:
+                good[number] = outcome
+                summary.add(outcome.decision)
+                log.logger.info("%s", _told(task, outcome))
+                continue
+            summary.add_failure(task, error)
+            if not (campaign.keep_going and many):
+                raise _with_name(task, error)
+            log.error(_named(task, exits.message(error)), error)
     if summary.failures:
         log.logger.warning("%s", summary.line())
     if dry_run:
@@ -176,7 +176,6 @@ def _outcomes(
             try:
                 outcome = future.result()
             except workers.died:
-                _sweep([task])
                 deaths[number] += 1
                 if deaths[number] < _ATTEMPTS:
                     log.logger.info("%s: its worker died: tried again", task.label)
@@ -188,18 +187,25 @@ def _outcomes(
             yield number, outcome
 
 
-def _sweep(tasks: Sequence[Task]) -> None:
+@contextmanager
+def _swept(tasks: Sequence[Task]) -> Iterator[None]:
+    """Remove what killed processes have left of outputs of ``tasks``, before and after."""
     from ..formats.atomic import sweep
 
-    sweep(task.target.path for task in tasks if task.target and task.target.path)
+    paths = [task.target.path for task in tasks if task.target and task.target.path]
+    sweep(paths)
+    try:
+        yield
+    finally:
+        sweep(paths)
 
 
 def _told(task: Task, outcome: Outcome[R]) -> str:
-    decision = outcome.decision
-    if decision is not None and decision.action == SKIP:
-        return f"{task.label}: skipped: {decision.reason}"
-    because = f": {decision.reason}" if decision is not None else ""
-    return f"{task.label}: done in {outcome.seconds:.3f} s{because}"
+    if outcome.decision is not None and outcome.decision.action == SKIP:
+        return f"{task.label}: skipped: {outcome.decision.reason}"
+    if outcome.decision is not None and outcome.decision.action == REDO:
+        return f"{task.label}: redone in {outcome.seconds:.3f} s: {outcome.decision.reason}"
+    return f"{task.label}: done in {outcome.seconds:.3f} s"
 
 
 def _planned(task: Task, decision: Decision | None) -> str:

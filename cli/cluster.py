@@ -22,8 +22,6 @@ from . import log
 
 R = TypeVar("R")
 
-_CONNECT = 10.0
-"""Seconds within which a scheduler has to answer."""
 _LOOK = 5.0
 """Seconds after which the number of workers is asked for again."""
 _PER_THREAD = 2
@@ -47,15 +45,21 @@ class Cluster:
             raise ParameterError(
                 "--cluster needs the extra: pip install 'echoset[cluster]'"
             ) from None
-        for name in ("distributed", "tornado", "asyncio"):
-            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        for name in [*logging.root.manager.loggerDict, "distributed", "asyncio"]:
+            if name.partition(".")[0] in ("distributed", "tornado", "asyncio"):
+                logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         self.died: tuple[type[Exception], ...] = (distributed.KilledWorker,)
         self._address = address
         place = {"address": address} if "://" in address else {"scheduler_file": address}
+        scheme = address.partition("://")[0]
+        known = import_module("distributed.comm.registry").backends
+        if "address" in place and scheme not in known:
+            kinds = " ".join(sorted(known))
+            raise ParameterError(f"--cluster {address}: {scheme} is none of {kinds}")
         if "scheduler_file" in place and not Path(address).is_file():
             raise UnavailableError(f"--cluster {address}: no such scheduler file")
         try:
-            options = {**place, "timeout": _CONNECT, "set_as_default": False}
+            options = {**place, "set_as_default": False}
             self._client = distributed.Client(**options)
         except (OSError, ValueError) as error:
             reason = " ".join(str(error).split())

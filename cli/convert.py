@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
@@ -64,8 +64,8 @@ def decide(task: Task) -> Decision:
     from ..formats import stamp
     from . import resume
 
-    if task.target.resume and (task.foreign is not None or task.label == DASH):
-        return resume.Decision(resume.REDO, "foreign logs and pipes cannot be compared")
+    if task.foreign is not None or task.label == DASH:
+        return resume.decide(replace(task.target, resume=False), dict)
 
     def expected() -> dict[str, str]:
         return {"content_digest": stamp(Path(task.label))["content_digest"]}
@@ -140,7 +140,7 @@ def command(
         raise ParameterError("--mapping, --config and --set are for imports: name one by --from")
     else:
         if PurePath(output).suffix in SCORES and len(inputs) == 1:
-            targets = [policy.target(Path(output), scores_format(output))]
+            targets = [policy.target(Path(output), scores_format(output), late=False)]
         else:
             stems = [PurePath(source).stem for source in inputs]
             targets = plan(output, stems, form, policy, late=campaign.keep_going)

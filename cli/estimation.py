@@ -25,7 +25,7 @@ from . import progress, resume
 from .config import Layer
 from .inputs import label, stdin
 from .outputs import DASH, Target
-from .resume import REDO, Decision
+from .resume import Decision
 
 GROUP = "echoset.estimators"
 
@@ -123,8 +123,8 @@ def expected(task: Task) -> dict[str, Any]:
 
 def decide(task: Task) -> Decision:
     """Whether the estimates have to be made."""
-    if task.source == DASH and task.target.resume:
-        return Decision(REDO, "a pipe cannot be compared")
+    if task.source == DASH:
+        return resume.decide(replace(task.target, resume=False), dict)
     return resume.decide(task.target, lambda: expected(task))
 
 

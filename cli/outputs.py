@@ -25,7 +25,8 @@ _SEEKING = ("h5",)
 class Target:
     """One output: a file, or stdout where ``path`` is None, in a named format.
 
-    With ``resume`` it is left as it is where it is complete, and replaced where it is not.
+    Where it exists, it is left as it is if ``resume`` and it is what would be written; else it is
+    replaced or, unless ``overwrite``, an error.
     """
 
     path: Path | None
@@ -135,9 +136,15 @@ class Policy:
         if self.overwrite and self.skip_existing:
             raise ParameterError("--overwrite and --skip-existing exclude each other")
 
-    def target(self, path: Path, form: str) -> Target:
-        """The target at ``path``."""
-        return Target(path, form, self.overwrite or self.skip_existing, self.skip_existing)
+    def target(self, path: Path, form: str, late: bool) -> Target:
+        """The target at ``path``; where that may not be replaced, an error now or later."""
+        from ..formats.atomic import refuse_existing
+
+        overwrite = self.overwrite or self.skip_existing
+        if not late:
+            refuse_existing(path, overwrite)
+        # What was not there before is what a worker made, if it was lost before it said so.
+        return Target(path, form, overwrite, self.skip_existing or not path.exists())
 
 
 def plan(
@@ -154,7 +161,6 @@ def plan(
     OutputError : an output exists and may not be replaced; with ``late`` only its task fails
     """
     from ..formats import suffix_format
-    from ..formats.atomic import refuse_existing
     from ..models.registry import load
 
     if output != DASH and (output.endswith("/") or Path(output).is_dir()):
@@ -163,16 +169,9 @@ def plan(
         twice = [name for name, count in Counter(names).items() if count > 1]
         if twice:
             raise ParameterError(f"-o {output}: two outputs would be called {twice[0]}{suffix}")
-        targets = [policy.target(Path(output) / (name + suffix), form) for name in names]
-    elif len(names) > 1:
+        return [policy.target(Path(output) / (name + suffix), form, late) for name in names]
+    if len(names) > 1:
         raise ParameterError(f"-o {output}: {len(names)} outputs need a folder, such as -o out/")
-    else:
-        form = form or ("mcap" if output == DASH else suffix_format(Path(output)))
-        load("echoset.formats", form)
-        if output == DASH:
-            return [single(output, form)]
-        targets = [policy.target(Path(output), form)]
-    for target in () if late else targets:
-        assert target.path is not None
-        refuse_existing(target.path, target.overwrite)
-    return targets
+    form = form or ("mcap" if output == DASH else suffix_format(Path(output)))
+    load("echoset.formats", form)
+    return [single(output, form) if output == DASH else policy.target(Path(output), form, late)]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from ..models.errors import FormatError
@@ -31,21 +32,29 @@ def decide(target: Target, expected: Callable[[], Mapping[str, Any]]) -> Decisio
     ------
     OutputError : it exists and is not to be replaced
     """
-    from ..formats import stamp
     from ..formats.atomic import refuse_existing
 
     path = target.path
     if path is None or not path.exists():
         return Decision(RUN, "goes to stdout" if path is None else "is missing")
+    reason = "is overwritten"
+    if target.resume and path.is_file():
+        reason = _reason(path, {"format": target.format}, expected)
+        if not reason:
+            return Decision(SKIP, "is complete")
     refuse_existing(path, target.overwrite)
-    if not target.resume:
-        return Decision(REDO, "is overwritten")
+    return Decision(REDO, reason)
+
+
+def _reason(path: Path, form: Mapping[str, Any], expected: Callable[[], Mapping[str, Any]]) -> str:
+    """Why the output at ``path`` cannot stay; nothing if it can."""
+    from ..formats import stamp
+
     try:
         found = stamp(path)
     except FormatError as error:
-        return Decision(REDO, ": ".join(part for part in (error.where, error.reason) if part))
-    difference = _difference("", found, {"format": target.format, **expected()})
-    return Decision(REDO, difference) if difference else Decision(SKIP, "is complete")
+        return ": ".join(part for part in (error.where, error.reason) if part)
+    return _difference("", found, {**form, **expected()})
 
 
 def _difference(prefix: str, found: Any, expected: Any) -> str:

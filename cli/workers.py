@@ -87,7 +87,6 @@ class Processes(Executor):
                 with _held(exits.SIGNALS):
                     future = pool.submit(_in_worker, call, *args)
             except BrokenProcessPool:
-                self._pools.discard(pool)
                 pool = None
                 continue
             future.add_done_callback(partial(self._take_back, pool))

@@ -71,9 +71,35 @@ from plugin_mean import Params, PRESETS, SUMMARY, estimate
 
 STREAMS = ("range_bearing", "position")
 """
+DEADLY = """
+import os
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+import plugin_mean
+from echoset.models.parameters import parameter
+from plugin_mean import PRESETS, STREAMS, SUMMARY
+
+
+@dataclass(frozen=True, slots=True)
+class Params(plugin_mean.Params):
+    victim: str = parameter("", "", "name of the recording that kills its worker")
+    mark: str = parameter("", "", "file that says that it has done so; empty to do it always")
+
+
+def estimate(setup, scans, params, rng):
+    mark = Path(params.mark)
+    if setup.meta.name == params.victim and not (params.mark and mark.exists()):
+        if params.mark:
+            mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    yield from plugin_mean.estimate(setup, scans, params, rng)
+"""
 ENTRY_POINTS = """[echoset.estimators]
 mean = plugin_mean
 radar = plugin_radar
+deadly = plugin_deadly
 """
 
 
@@ -92,10 +118,11 @@ def untimed(err: bytes) -> str:
 
 @pytest.fixture(scope="session")
 def plugins(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with an installed distribution of two estimators."""
+    """A folder with an installed distribution of estimators."""
     folder = tmp_path_factory.mktemp("plugins")
     (folder / "plugin_mean.py").write_text(PLUGIN)
     (folder / "plugin_radar.py").write_text(RADAR)
+    (folder / "plugin_deadly.py").write_text(DEADLY)
     info = folder / "plugin-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: plugin\nVersion: 1.0\n")

@@ -1,0 +1,175 @@
+"""The same work on a Dask cluster of loopback workers that are killed, as is their scheduler."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("distributed", reason="the extra echoset[cluster] is not installed")
+
+FULL = pytest.mark.verification
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+class Lab:
+    """A scheduler and workers as processes."""
+
+    def __init__(self, folder: Path) -> None:
+        self.file = folder / "scheduler.json"
+        self.workers: list[subprocess.Popen[bytes]] = []
+        self.scheduler: subprocess.Popen[bytes] | None = None
+        self._folder = folder
+
+    def _start(self, *args: object) -> subprocess.Popen[bytes]:
+        words = [sys.executable, "-m", "dask", *map(str, args), "--scheduler-file", str(self.file)]
+        environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+        with (self._folder / "log").open("ab") as log:
+            return subprocess.Popen(
+                [*words, "--no-dashboard"], stdout=log, stderr=log, env=environment, cwd="/"
+            )
+
+    def start(self) -> None:
+        """Start the scheduler, and wait until it has written its file."""
+        self.file.unlink(missing_ok=True)
+        self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", 0)
+        while not self.file.exists():
+            assert self.scheduler.poll() is None
+            time.sleep(0.05)
+
+    def add_worker(self) -> None:
+        """Start a worker of one thread."""
+        self.workers.append(self._start("worker", "--nthreads", 1, "--no-nanny"))
+
+    def kill(self, process: subprocess.Popen[bytes]) -> None:
+        """Kill the scheduler or a worker."""
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+
+    @property
+    def address(self) -> str:
+        """Where the scheduler is."""
+        return str(json.loads(self.file.read_text())["address"])
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Iterator[Lab]:
+    """A running scheduler, and one worker."""
+    found = Lab(tmp_path)
+    found.start()
+    found.add_worker()
+    yield found
+    for process in [found.scheduler, *found.workers]:
+        found.kill(process)
+
+
+def wait_for(condition, process: subprocess.Popen[bytes]) -> None:
+    while not condition():
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize(
+    ("recordings", "delay", "pause"), [(6, 0.05, None), pytest.param(1000, 0.02, 4, marks=FULL)]
+)
+def test_killed_cluster(run, start, lab, tmp_path, recordings, delay, pause):
+    """Workers die now and then and others come; the scheduler dies once; the bytes are the same."""
+    words = ("simulate", "uwb-los", "--runs", recordings, "--set", "steps=10")
+    assert run(*words, "-o", f"{tmp_path}/rec/").code == 0
+    files, out = sorted((tmp_path / "rec").iterdir()), tmp_path / "out"
+    words = ("estimate", "-e", "mean", *files, "--set", f"delay={delay}")
+    assert run(*words, "-o", f"{tmp_path}/whole/", "-j", 2).code == 0
+    whole = contents(tmp_path / "whole")
+    words = (*words, "-o", f"{out}/", "--skip-existing", "--summary", tmp_path / "s")
+
+    def check() -> int:
+        found = {p.name: p.read_bytes() for p in out.glob("[!.]*")} if out.exists() else {}
+        assert found.items() <= whole.items()
+        return len(found)
+
+    def kill_workers_until(wanted: int, process: subprocess.Popen[bytes]) -> int:
+        """Kill a worker every few seconds, or just one; another comes in its place."""
+        killed = 0
+        while check() < wanted and process.poll() is None:
+            if pause is not None or not killed:
+                lab.kill(lab.workers[killed])
+                killed += 1
+                lab.add_worker()
+            wait_until = time.monotonic() + (pause or 0.2)
+            while time.monotonic() < wait_until and process.poll() is None:
+                time.sleep(0.05)
+        return killed
+
+    lab.add_worker() if pause else None
+    process = start(*words, "--cluster", lab.file)
+    wait_for(lambda: check() >= 1, process)
+    killed = kill_workers_until(recordings // 2, process)
+    assert process.poll() is None
+    lab.kill(lab.scheduler)
+    error = process.communicate(timeout=60)[1].decode()
+    assert process.returncode == 75 and error.count("\n") == 1, error
+    assert "the scheduler is lost" in error and check() < recordings
+    summary = json.loads((tmp_path / "s").read_text())
+    assert "the scheduler is lost" in summary["stopped"] and summary["left"] > 0
+    for worker in lab.workers:
+        lab.kill(worker)
+
+    lab.workers.clear()
+    lab.start()
+    for _ in range(2 if pause else 1):
+        lab.add_worker()
+    process = start(*words, "--cluster", lab.address)
+    if pause:
+        wait_for(lambda: check() > recordings // 2 + 20, process)
+        killed += kill_workers_until(recordings, process)
+        assert killed >= 10
+    assert process.communicate(timeout=300)[1] == b"" and process.returncode == 0
+    assert contents(out) == whole
+
+
+def test_simulations_and_scores_on_a_cluster(run, start, lab, campaign, tmp_path):
+    """Relative names, a task that kills its workers, and errors are those of this machine."""
+    words = ("simulate", "uwb-los", "--runs", 3, "--set", "steps=20", "-o", "rec/")
+    process = start(*words, "--cluster", lab.file, cwd=tmp_path)
+    assert process.communicate(timeout=120)[1] == b""
+    assert contents(tmp_path / "rec") == contents(campaign)
+    files = sorted((tmp_path / "rec").iterdir())
+    assert run("estimate", "-e", "mean", *files, "-o", f"{tmp_path}/est/").code == 0
+    words = ("score", *sorted((tmp_path / "est").iterdir()), "--truth", "rec", "-m", "rmse")
+    process = start(*words, "--cluster", lab.file, "-o", "s.csv", cwd=tmp_path)
+    assert process.communicate(timeout=120)[1] == b""
+    here = run(*words[:-4], "--truth", tmp_path / "rec", "-m", "rmse", "-o", tmp_path / "h.csv")
+    assert here.code == 0
+    assert (tmp_path / "s.csv").read_bytes() == (tmp_path / "h.csv").read_bytes()
+    files[1].write_bytes(b"")
+    words = ("estimate", "-e", "mean", *files, "-o", f"{tmp_path}/out/", "--keep-going")
+    process = start(*words, "--cluster", lab.file)
+    error = process.communicate(timeout=120)[1].decode()
+    assert process.returncode == 4 and "is empty" in error and "1 of 3 failed" in error
+
+
+@pytest.mark.parametrize(
+    ("address", "code", "word"),
+    [
+        ("tcp://127.0.0.1:1", 75, "no scheduler answers"),
+        ("none.json", 75, "no such scheduler file"),
+        ("ftp://127.0.0.1:1", 2, "ftp"),
+    ],
+)
+def test_no_cluster(start, rec, tmp_path, monkeypatch, address, code, word):
+    monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "2s")
+    words = ("estimate", "-e", "mean", rec, "-o", tmp_path / "x.h5", "--cluster", address)
+    process = start(*words)
+    error = process.communicate(timeout=60)[1].decode()
+    assert process.returncode == code and error.count("\n") == 1 and word in error
+    assert not (tmp_path / "x.h5").exists()
