@@ -24,6 +24,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from threading import Timer
 from time import monotonic
 from types import FrameType
 
@@ -34,6 +35,7 @@ from . import log
 
 SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
 PARTIAL, GATE = 3, 6
+_SOON = 0.05
 _RANKING = (1, 7, 5, 4, PARTIAL)
 MEANINGS = {
     1: "internal error",
@@ -90,7 +92,7 @@ def handle_signals(patience: float = 1.0) -> None:
     """Let the signals of :data:`SIGNALS` unwind the process, unless they are ignored.
 
     Another one within ``patience`` seconds changes nothing: some senders signal both a process
-    and its group.
+    and its group. One that came where Python drops exceptions, as in a finalizer, comes again.
     """
     last = -math.inf
 
@@ -100,6 +102,19 @@ def handle_signals(patience: float = 1.0) -> None:
         if last - before >= patience:
             raise Terminated(signum)
 
+    report = sys.unraisablehook
+
+    def send_again(dropped: sys.UnraisableHookArgs) -> None:
+        nonlocal last
+        if not isinstance(dropped.exc_value, Terminated):
+            report(dropped)
+            return
+        last = -math.inf
+        again = Timer(_SOON, os.kill, (os.getpid(), int(str(dropped.exc_value.code)) - 128))
+        again.daemon = True
+        again.start()
+
+    sys.unraisablehook = send_again
     for signum in SIGNALS:
         if signal.getsignal(signum) is not signal.SIG_IGN:
             signal.signal(signum, terminate)
@@ -109,10 +124,12 @@ def handle_signals(patience: float = 1.0) -> None:
 def signals() -> Iterator[None]:
     """:func:`handle_signals` within the block."""
     before = {signum: signal.getsignal(signum) for signum in SIGNALS}
+    report = sys.unraisablehook
     handle_signals()
     try:
         yield
     finally:
+        sys.unraisablehook = report
         for signum, handler in before.items():
             signal.signal(signum, handler)
 

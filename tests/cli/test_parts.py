@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+
 import pytest
 
 from echoset.cli.config import assignments
@@ -60,3 +62,25 @@ def test_dump_is_read_back(value):
     plain = [1.0, [2, 3]] if isinstance(value, tuple) else value
     assert parse(dump(value), "test") == plain
     assert type(parse(dump(value), "test")) is type(plain)
+
+
+def test_signal_in_a_finalizer_is_not_lost(command):
+    """Where Python drops exceptions, the signal comes again; nothing is said of it."""
+    code = """
+import os, signal, sys, time
+from echoset.cli import exits
+
+class Last:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+        for _ in range(1000):
+            pass
+
+def work():
+    Last()
+    time.sleep(20)
+
+sys.exit(exits.run(work))
+"""
+    found = subprocess.run([command[0], "-c", code], capture_output=True, timeout=15)
+    assert (found.returncode, found.stderr) == (143, b"")
