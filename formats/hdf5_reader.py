@@ -33,7 +33,7 @@ class TreeReader:
     def __init__(self, source: Path | IO[bytes], path: object) -> None:
         self.path = path
         try:
-            check_end(source, path)
+            _check_end(source, path)
             self.file = h5py.File(source, "r")
             try:
                 self.leaves = self._walk(self.file, "", 0)
@@ -120,11 +120,11 @@ class TreeReader:
         return trees.unflatten(leaves)
 
 
-def check_end(source: Path | IO[bytes], path: object) -> None:
+def _check_end(source: Path | IO[bytes], path: object) -> None:
     """Refuse bytes after the end that the superblock (version 0) states."""
     if isinstance(source, Path):
         with source.open("rb") as file:
-            check_end(file, path)
+            _check_end(file, path)
         return
     head = source.read(48)
     size = source.seek(0, 2)

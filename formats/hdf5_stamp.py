@@ -11,7 +11,6 @@ import h5py
 from ..models.errors import FormatError
 from . import layout
 from . import tree as trees
-from .hdf5_reader import check_end
 
 _ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, RecursionError)
 _LIMIT = 1 << 26
@@ -26,9 +25,13 @@ def stamp(source: Path, path: object) -> dict[str, Any]:
     FormatError : it was cut, or its root is damaged or not one of ours
     """
     try:
-        check_end(source, path)
+        with source.open("rb") as plain:
+            head = plain.read(48)
+        end = int.from_bytes(head[40:48], "little")
+        if len(head) == 48 and head[8] == 0 and end < source.stat().st_size:
+            raise ValueError(f"data after the end at byte {end}")
         with h5py.File(source, "r") as file:
-            header = {key: str(value) for key, value in file.attrs.items()}
+            header = {key: _plain(value) for key, value in file.attrs.items()}
             tokens = json.loads(_text(file, "tokens"))
             found = {"name": header["name"], "provenance": _text(file, "provenance")}
     except _ERRORS as error:
@@ -42,6 +45,10 @@ def stamp(source: Path, path: object) -> dict[str, Any]:
         if trees.token(value) != tokens.get(name):
             raise FormatError(path, name, "does not fit its digest")
     return {**header, **found}
+
+
+def _plain(value: Any) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)
 
 
 def _text(file: h5py.File, name: str) -> str:
