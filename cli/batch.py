@@ -57,11 +57,11 @@ class Outcome(Generic[R]):
 
 
 @dataclass(frozen=True, slots=True)
-class Done(Generic[T, R]):
-    """Results of the tasks that were run, the tasks whose outputs are there, and an exit code."""
+class Done(Generic[R]):
+    """Results of tasks that were run, numbers of those whose outputs are there, an exit code."""
 
     results: list[R]
-    finished: list[T]
+    finished: list[int]
     exit_code: int
 
 
@@ -71,7 +71,7 @@ def run(
     campaign: Campaign,
     decide: Callable[[T], Decision] | None = None,
     dry_run: bool = False,
-) -> Done[T, R]:
+) -> Done[R]:
     """``work(task)`` for each of ``tasks`` that ``decide`` does not skip, results in order.
 
     The first failure is raised. With ``keep_going`` each is told in a line, the rest is done, and
@@ -92,7 +92,8 @@ def run(
             if error is None:
                 good[number] = outcome
                 summary.add(outcome.decision)
-                log.logger.info("%s", _told(task, outcome))
+                if not dry_run:
+                    log.logger.info("%s", _told(task, outcome))
                 continue
             summary.add_failure(task, error)
             if not (campaign.keep_going and many):
@@ -100,13 +101,14 @@ def run(
             log.error(_named(task, exits.message(error)), error)
     if summary.failures:
         log.logger.warning("%s", summary.line())
+    finished = sorted(good)
     if dry_run:
-        for number in sorted(good):
+        for number in finished:
             say(_planned(tasks[number], good[number].decision))
-    ordered = [(tasks[number], good[number]) for number in sorted(good)]
+    ordered = [good[number] for number in finished]
     return Done(
-        [cast(R, outcome.result) for _, outcome in ordered if _was_run(outcome.decision, dry_run)],
-        [task for task, _ in ordered],
+        [cast(R, outcome.result) for outcome in ordered if _was_run(outcome.decision, dry_run)],
+        finished,
         exits.worst(summary.codes, partial=bool(summary.codes and good)),
     )
 

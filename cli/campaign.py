@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fcntl import LOCK_EX, LOCK_NB, flock
+from pathlib import Path
 
 import click
 
 from ..models.errors import OutputError, ParameterError, UnavailableError
-from .outputs import DASH
+from .outputs import DASH, Target
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +35,16 @@ class Campaign:
             return path
         if path == DASH:
             raise ParameterError("--cluster works on files: '-' has no place there")
-        return os.path.abspath(path) + ("/" if path.endswith("/") else "")
+        return os.path.abspath(path)
 
-    def places(self, paths: tuple[str, ...]) -> tuple[str, ...]:
+    def places(self, paths: Iterable[str]) -> tuple[str, ...]:
         """:meth:`place` of each."""
         return tuple(map(self.place, paths))
+
+    def target(self, target: Target) -> Target:
+        """``target`` at the :meth:`place` of its path."""
+        path = self.place(DASH if target.path is None else str(target.path))
+        return target if self.cluster is None else replace(target, path=Path(path))
 
 
 def campaign(

@@ -131,11 +131,10 @@ def command(
     from . import batch, exits
     from .inputs import SCORES
 
-    output = campaign.place(output)
     if importer:
         inputs, known = campaign.places(inputs), (mapping, config, settings)
         target = plan(output, [PurePath(inputs[0]).stem], form, policy)[0]
-        tasks = [Task(inputs[0], target, Import(importer, inputs, *known))]
+        tasks = [Task(inputs[0], campaign.target(target), Import(importer, inputs, *known))]
     elif mapping or config or settings:
         raise ParameterError("--mapping, --config and --set are for imports: name one by --from")
     else:
@@ -144,5 +143,6 @@ def command(
         else:
             stems = [PurePath(source).stem for source in inputs]
             targets = plan(output, stems, form, policy, late=campaign.keep_going)
-        tasks = [Task(*pair) for pair in zip(campaign.places(inputs), targets, strict=True)]
+        pairs = zip(campaign.places(inputs), map(campaign.target, targets), strict=True)
+        tasks = [Task(source, target) for source, target in pairs]
     exits.end(batch.run(convert, tasks, campaign, decide, policy.dry_run).exit_code)

@@ -86,10 +86,12 @@ def command(
         resolve(module.Params, *user)
     stems = ["stdin" if source == DASH else PurePath(source).stem for source in inputs]
     names = [f"{stem}.{estimator}" for stem in stems]
-    targets = plan(campaign.place(output), names, form, policy, late=campaign.keep_going)
+    targets = plan(output, names, form, policy, late=campaign.keep_going)
     tasks = [
         Task(source, target, estimator, user, not ignore_sensor_model, seed, len(inputs) == 1)
-        for source, target in zip(campaign.places(inputs), targets, strict=True)
+        for source, target in zip(
+            campaign.places(inputs), map(campaign.target, targets), strict=True
+        )
     ]
     makefile.check(deps, targets, inputs)
     sink = single(timing, scores_format(timing), policy.overwrite) if timing else None
@@ -98,7 +100,7 @@ def command(
         with sink.open() as target:
             scores.write(timings.scores(done.results), target, sink.format)
     if not policy.dry_run:
-        makefile.write(deps, ((task.target, (task.source, config)) for task in done.finished))
+        makefile.write(deps, ((targets[k], (inputs[k], config)) for k in done.finished))
     exits.end(done.exit_code)
 
 

@@ -38,7 +38,7 @@ PARTIAL, GATE = 3, 6
 _SOON = 0.05
 _RANKING = (1, 7, 5, 4, PARTIAL)
 MEANINGS = {
-    1: "internal error",
+    1: "internal error, or a worker that died",
     2: "configuration",
     4: "input unreadable, corrupt or lacking what is needed",
     5: "output exists or cannot be written",

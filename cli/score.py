@@ -98,8 +98,8 @@ def command(
     with target.open() as opened:
         files.write(table, opened, target.format)
     if deps:
-        sources = [task.source for task in done.finished]
-        used = [str(path) for s in sources if (path := recordings.located(s, places))]
+        sources = [estimates[k] for k in done.finished]
+        used = [str(path) for s in sources if (path := recordings.located(s, truth))]
         makefile.write(deps, [(target, dict.fromkeys([*sources, *used, config]))])
     for line in failures:
         log.error(f"gate: {line}")

@@ -127,13 +127,13 @@ def command(
     parameters = resolve(found.module.Params, *found.layers, *layers(None, settings))
     numbers = range(first_run, first_run + runs)
     names = [f"{found.title}-s{seed}-{number:04d}" for number in numbers]
-    targets = plan(campaign.place(output), names, form, policy, late=campaign.keep_going)
+    targets = plan(output, names, form, policy, late=campaign.keep_going)
     makefile.check(deps, targets, [scenario])
     tasks = [
-        Task(name, found.name, parameters, seed, number, target)
+        Task(name, found.name, parameters, seed, number, campaign.target(target))
         for name, number, target in zip(names, numbers, targets, strict=True)
     ]
     done = batch.run(simulate, tasks, campaign, decide, policy.dry_run)
     if not policy.dry_run:
-        makefile.write(deps, ((task.target, [found.file]) for task in done.finished))
+        makefile.write(deps, ((targets[k], [found.file]) for k in done.finished))
     exits.end(done.exit_code)
