@@ -1,7 +1,7 @@
 """An existing Dask cluster as the workers: the extra ``echoset[cluster]``.
 
 Workers run the same tasks on the same files, so they need the same file system, and the same
-versions of echoset and of what its numbers come from.
+versions of echoset and of what its numbers come from. The scheduler reads tasks, too.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Cluster:
 
         Raises
         ------
-        UnavailableError : the scheduler is lost, here or from the future
+        UnavailableError : here or from the future: the scheduler is lost, or a worker unfit
         """
         inner = self._executor.submit(_on_worker, self._versions, call, *args)
         outer: Future[R] = Future()
@@ -103,6 +103,12 @@ class Cluster:
         except _LOST:
             outer.set_exception(self._lost())
         except Exception as error:
+            if not isinstance(error, (*self.died, UnavailableError)):
+                cause = error.__cause__ or error
+                error = UnavailableError(
+                    f"--cluster {self._address}: cannot do the work: {type(cause).__name__}: "
+                    f"{cause}: its scheduler and workers need echoset and the plugins in use"
+                )
             outer.set_exception(error)
 
     def watch(self) -> None:

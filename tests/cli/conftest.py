@@ -134,7 +134,7 @@ def plugins(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def environment(plugins: Path, monkeypatch: pytest.MonkeyPatch):
     """Plugins on the path here and in processes, and logging as it was afterwards."""
     monkeypatch.syspath_prepend(str(plugins))
-    monkeypatch.setenv("PYTHONPATH", str(plugins))
+    monkeypatch.setenv("PYTHONPATH", str(plugins), prepend=os.pathsep)
     monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
     registry._points.cache_clear()
     show = warnings.showwarning
@@ -180,6 +180,12 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     words = ("simulate", "uwb-los", "--runs", "3", "--set", "steps=20", "-o", f"{folder}/")
     assert main(list(words)) == 0
     return folder
+
+
+@pytest.fixture
+def files(campaign: Path) -> list[Path]:
+    """All of them, in order."""
+    return sorted(campaign.iterdir())
 
 
 @pytest.fixture

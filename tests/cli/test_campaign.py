@@ -21,11 +21,6 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-@pytest.fixture
-def files(campaign: Path) -> list[Path]:
-    return sorted(campaign.iterdir())
-
-
 def test_task_whose_worker_died_is_tried_again(run, files, tmp_path):
     mark = tmp_path / "mark"
     words = ("estimate", "-e", "deadly", *files, "--set", f"mark={mark}")

@@ -164,6 +164,37 @@ def test_simulations_and_scores_on_a_cluster(run, start, lab, campaign, tmp_path
     assert process.returncode == 4 and "is empty" in error and "1 of 3 failed" in error
 
 
+def test_unfit_workers_and_signals(command, start, lab, files, tmp_path):
+    """Workers that lack a module or have another version, and an end by SIGTERM."""
+    (tmp_path / "only_here.py").write_text("def nothing(): pass")
+    code = """
+import sys
+from only_here import nothing
+from echoset.cli.cluster import Cluster
+cluster = Cluster(sys.argv[1])
+cluster._versions, versions = {**cluster._versions, "numpy": "0.1"}, cluster._versions
+for call in (print, nothing):
+    print(cluster.submit(call).exception())
+    cluster._versions = versions
+cluster.close()
+"""
+    path = f"{tmp_path}{os.pathsep}{os.environ['PYTHONPATH']}"
+    found = subprocess.run(
+        [command[0], "-c", code, lab.file],
+        env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert found.stdout.count("\n") == 2, found.stdout
+    version, module = found.stdout.splitlines()
+    assert "a worker of the cluster has numpy" in version and "instead of 0.1" in version
+    assert "No module named 'only_here'" in module and found.stderr == ""
+
+    words = ("estimate", "-e", "mean", *files, "-o", f"{tmp_path}/out/", "--set", "delay=0.2")
+    process = start(*words, "--cluster", lab.file)
+    wait_for(lambda: (tmp_path / "out").exists(), process)
+    process.send_signal(signal.SIGTERM)
+    assert process.communicate(timeout=30)[1] == b"" and process.returncode == 143
+
+
 @pytest.mark.parametrize(
     ("address", "code", "word"),
     [
