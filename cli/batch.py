@@ -151,11 +151,18 @@ def _portable(error: Exception) -> Exception:
     """``error`` as another process can have it, its traceback in a note."""
     if not isinstance(error, EchosetError):
         error.add_note("".join(format_exception(error)))
+    if not _pickles(error):
+        # Some libraries, distributed among them, have causes pickled too.
+        error.__cause__ = error.__context__ = None
+    return error if _pickles(error) else RuntimeError(f"{type(error).__name__}: {error}")
+
+
+def _pickles(error: Exception) -> bool:
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
-        return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
+        return False
+    return True
 
 
 def _outcomes(

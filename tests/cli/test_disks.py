@@ -62,8 +62,7 @@ def check_failed(result, reason: str) -> None:
     assert "cannot be written" in result.err and reason in result.err
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-@pytest.mark.parametrize("form", ["h5", "mcap"])
+@pytest.mark.parametrize(("form", "jobs"), [("h5", 2), ("mcap", 1)])
 def test_full_disk(estimate, whole, disk, form, jobs):
     expected = whole(form)
     (disk / "other").write_bytes(bytes(1024 * SIZE - 2 * max(map(len, expected.values()))))

@@ -13,7 +13,7 @@ import pytest
 ESTIMATE = ("estimate", "-e", "mean", "--set", "delay=0.04")
 FILTER = ("estimate", "-e", "eopda-geo", "--set", "particles=300")
 FULL = pytest.mark.verification
-SIZES = [(8, 2, ESTIMATE), pytest.param(1000, 20, FILTER, marks=FULL)]
+SIZES = [(6, 1, ESTIMATE), pytest.param(1000, 20, FILTER, marks=FULL)]
 """Recordings, kills, and what is done with them."""
 
 
@@ -32,7 +32,7 @@ def kill_at_random(start, words, folder, whole, kills, rng):
     killed once some more outputs are there, and what is there is compared with the ``whole``.
     """
     for _ in range(kills):
-        wanted = len(visible(folder)) + rng.randint(0, int(0.9 * len(whole) / kills))
+        wanted = len(visible(folder)) + rng.randint(0, int(0.6 * len(whole) / kills))
         process = start(*words, start_new_session=True)
         while len(visible(folder)) < wanted:
             time.sleep(0.01)
@@ -78,11 +78,9 @@ def test_bytes_are_the_same_by_every_way(run, tmp_path, words):
     words = (*words, "-o")
     assert run(*words, f"{tmp_path}/1/", *files).code == 0
     whole = contents(tmp_path / "1")
-    for jobs in (2, 4):
-        assert run(*words, f"{tmp_path}/{jobs}/", *files, "-j", jobs).code == 0
+    for jobs, order in ((2, files), (4, files[::-1])):
+        assert run(*words, f"{tmp_path}/{jobs}/", *order, "-j", jobs).code == 0
         assert contents(tmp_path / str(jobs)) == whole
-    assert run(*words, f"{tmp_path}/back/", *reversed(files), "-j", 2).code == 0
-    assert contents(tmp_path / "back") == whole
     for part in (files[3:], files[:2]):
         assert run(*words, f"{tmp_path}/parts/", *part).code == 0
     assert run(*words, f"{tmp_path}/parts/", *files, "--skip-existing").code == 0
