@@ -82,7 +82,7 @@ def wait_for(condition, process: subprocess.Popen[bytes]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("recordings", "delay", "pause"), [(4, 0.04, None), pytest.param(1000, 0.02, 4, marks=FULL)]
+    ("recordings", "delay", "pause"), [(4, 0.04, None), pytest.param(1000, 0.01, 3, marks=FULL)]
 )
 def test_killed_cluster(run, start, lab, tmp_path, recordings, delay, pause):
     """Workers die now and then and others come; the scheduler dies once; the bytes are the same."""
@@ -100,16 +100,14 @@ def test_killed_cluster(run, start, lab, tmp_path, recordings, delay, pause):
         return len(found)
 
     def kill_workers_until(wanted: int, process: subprocess.Popen[bytes]) -> int:
-        """Kill a worker every few seconds, or just one; another comes in its place."""
-        killed = 0
-        while check() < wanted and process.poll() is None:
-            if pause is not None or not killed:
+        """Kill a worker every few seconds of work, or just one; another comes in its place."""
+        killed, last = 0, -1
+        while (found := check()) < wanted and process.poll() is None:
+            if (pause is not None and found > last) or not killed:
                 lab.kill(lab.workers[killed])
-                killed += 1
                 lab.add_worker()
-            wait_until = time.monotonic() + (pause or 0.2)
-            while time.monotonic() < wait_until and process.poll() is None:
-                time.sleep(0.05)
+                killed, last = killed + 1, found
+            time.sleep(pause or 0.2)
         return killed
 
     lab.add_worker() if pause else None
