@@ -14,12 +14,12 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from time import perf_counter
 from traceback import format_exception
-from typing import Generic, Protocol, TypeVar, cast
+from typing import Generic, TypeVar, cast
 
 from ..models.errors import EchosetError, FormatError
 from . import exits, log, progress
-from .campaign import Campaign
-from .outputs import Target, say
+from .campaign import Campaign, Task
+from .outputs import say
 from .resume import REDO, SKIP, Decision
 from .summary import Summary
 from .workers import Here, Processes, Workers
@@ -28,18 +28,6 @@ _ATTEMPTS = 3
 """How often a task is tried whose worker dies."""
 _PATIENCE = 5.0
 """Seconds without news after which the workers are looked after."""
-
-
-class Task(Protocol):
-    """Something to do; pickled on its way to a worker."""
-
-    @property
-    def label(self) -> str:
-        """What messages call it."""
-
-    @property
-    def target(self) -> Target | None:
-        """What it writes, if that is its own."""
 
 
 T = TypeVar("T", bound=Task)

@@ -1,4 +1,4 @@
-"""How the tasks of a command are done: what the options say that commands share."""
+"""Tasks, and how those of a command are done: what the options say that commands share."""
 
 from __future__ import annotations
 
@@ -8,11 +8,24 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fcntl import LOCK_EX, LOCK_NB, flock
 from pathlib import Path
+from typing import Protocol
 
 import click
 
 from ..models.errors import OutputError, ParameterError, UnavailableError
 from .outputs import DASH, Target
+
+
+class Task(Protocol):
+    """Something to do; pickled on its way to a worker."""
+
+    @property
+    def label(self) -> str:
+        """What messages call it."""
+
+    @property
+    def target(self) -> Target | None:
+        """What it writes, if that is its own."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ versions of echoset and of what its numbers come from. The scheduler reads tasks
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
@@ -50,17 +51,13 @@ class Cluster:
                 logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         self.died: tuple[type[Exception], ...] = (distributed.KilledWorker,)
         self._address = address
-        place = {"address": address} if "://" in address else {"scheduler_file": address}
-        scheme = address.partition("://")[0]
+        where = address if "://" in address else _address(address)
         known = import_module("distributed.comm.registry").backends
-        if "address" in place and scheme not in known:
-            kinds = " ".join(sorted(known))
-            raise ParameterError(f"--cluster {address}: {scheme} is none of {kinds}")
-        if "scheduler_file" in place and not Path(address).is_file():
-            raise UnavailableError(f"--cluster {address}: no such scheduler file")
+        if where.partition("://")[0] not in known:
+            kinds = " ".join(f"{scheme}://" for scheme in sorted(known))
+            raise ParameterError(f"--cluster {address}: {where} begins with none of {kinds}")
         try:
-            options = {**place, "set_as_default": False}
-            self._client = distributed.Client(**options)
+            self._client: Any = distributed.Client(where, set_as_default=False)
         except (OSError, ValueError) as error:
             reason = " ".join(str(error).split())
             raise UnavailableError(f"--cluster {address}: no scheduler answers: {reason}") from None
@@ -127,6 +124,16 @@ class Cluster:
             if self._client.status == "running":
                 self._executor.shutdown(wait=False)
             self._client.close(timeout=1.0)
+
+
+def _address(file: str) -> str:
+    """The address in a scheduler file."""
+    try:
+        return str(json.loads(Path(file).read_text())["address"])
+    except OSError as error:
+        raise UnavailableError(f"--cluster {file}: {error.strerror}") from None
+    except (ValueError, LookupError, TypeError):
+        raise ParameterError(f"--cluster {file}: is no scheduler file") from None
 
 
 def _on_worker(expected: dict[str, str], call: Callable[..., R], *args: Any) -> R:

@@ -7,27 +7,16 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol
+from typing import Any
 
 from ..models.errors import OutputError
 from . import exits
+from .campaign import Task
 from .outputs import Target
 from .resume import SKIP, Decision
 
 _NAMED = 5
 """Inputs that the line names for each exit code."""
-
-
-class Subject(Protocol):
-    """What a failure is about."""
-
-    @property
-    def label(self) -> str:
-        """The input as the user named it."""
-
-    @property
-    def target(self) -> Target | None:
-        """What would have been written."""
 
 
 class Summary:
@@ -60,12 +49,12 @@ class Summary:
         else:
             self._done += 1
 
-    def add_failure(self, subject: Subject, error: Exception) -> None:
+    def add_failure(self, task: Task, error: Exception) -> None:
         """Note a task that failed."""
-        path = subject.target.path if subject.target else None
+        path = task.target.path if task.target else None
         self.failures.append(
             {
-                "input": subject.label,
+                "input": task.label,
                 "output": None if path is None else str(path),
                 "exit_code": exits.exit_code(error),
                 "reason": exits.message(error),

@@ -205,8 +205,9 @@ cluster.close()
     ("address", "code", "word"),
     [
         ("tcp://127.0.0.1:1", 75, "no scheduler answers"),
-        ("none.json", 75, "no such scheduler file"),
+        ("none.json", 75, "No such file"),
         ("ftp://127.0.0.1:1", 2, "ftp"),
+        (__file__, 2, "is no scheduler file"),
     ],
 )
 def test_no_cluster(start, rec, tmp_path, monkeypatch, address, code, word):
