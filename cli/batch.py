@@ -70,7 +70,7 @@ def run(
     call = _Call(work, decide, dry_run)
     good: dict[int, Outcome[R]] = {}
     with (
-        Summary(len(tasks), campaign.summary) as summary,
+        Summary(len(tasks), None if dry_run else campaign.summary) as summary,
         _swept(() if dry_run else tasks),
         closing(_workers(campaign, len(tasks))) as workers,
     ):

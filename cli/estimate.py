@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
 import click
 
 from . import options
 from .campaign import Campaign
-from .outputs import DASH, Policy, plan, scores_format, single
+from .outputs import DASH, Policy, Target, plan, scores_format, single
 
 
 @click.command("estimate")
@@ -94,7 +94,7 @@ def command(
         )
     ]
     makefile.check(deps, targets, inputs)
-    sink = single(timing, scores_format(timing), policy.overwrite) if timing else None
+    sink = _sink(timing, policy) if timing else None
     done = batch.run(estimate, tasks, campaign, decide, policy.dry_run)
     if sink and done.results:
         with sink.open() as target:
@@ -102,6 +102,13 @@ def command(
     if not policy.dry_run:
         makefile.write(deps, ((targets[k], (inputs[k], config)) for k in done.finished))
     exits.end(done.exit_code)
+
+
+def _sink(timing: str, policy: Policy) -> Target:
+    """Where times go; when a campaign is resumed, what is there is in the way of new times only."""
+    if policy.skip_existing and timing != DASH:
+        return Target(Path(timing), scores_format(timing))
+    return single(timing, scores_format(timing), policy.overwrite)
 
 
 def _chosen(module: Any, estimator: str, preset: str | None, keep: bool) -> Any:

@@ -150,6 +150,16 @@ def test_incomplete_outputs_are_made_again(estimate, tmp_path, damage):
     assert estimate() == (0, "", "") and contents(tmp_path / "out") == whole
 
 
+def test_times_of_a_resumed_campaign(estimate, inputs, tmp_path):
+    times = tmp_path / "times.csv"
+    assert estimate("--timing", times).code == 0
+    before = times.read_bytes()
+    assert estimate("--timing", times).code == 0 and times.read_bytes() == before
+    (tmp_path / "out" / f"{inputs[0].stem}.mean{inputs[0].suffix}").unlink()
+    assert estimate("--timing", times).code == 5 and times.read_bytes() == before
+    assert len(contents(tmp_path / "out")) == 3
+
+
 def test_output_that_failed_again_stays(estimate, inputs, tmp_path):
     estimate()
     whole = contents(tmp_path / "out")
@@ -193,7 +203,9 @@ def test_dry_run_says_what_would_fail(run, campaign, tmp_path):
     est.write_text("mine")
     assert run(*words).code == 5
     assert run(*words, "--overwrite").out == f"redo {est}: is overwritten\n"
-    assert est.read_text() == "mine" and run(*words, "--summary", tmp_path / "s").code == 5
+    summary = tmp_path / "summary.json"
+    assert run(*words, "--overwrite", "--summary", summary).code == 0
+    assert est.read_text() == "mine" and not summary.exists()
 
 
 def test_stamp_is_what_the_file_says_without_its_data(inputs, form):
