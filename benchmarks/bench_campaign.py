@@ -223,14 +223,14 @@ def dispatch(folder: Path, number: int) -> float:
     return each
 
 
-def speed_up(folder: Path, number: int, rounds: int) -> tuple[float, int]:
+def speed_up(folder: Path, number: int, rounds: int, particles: int) -> tuple[float, int]:
     """Print the time of two workers beside that of two independent processes.
 
     Returns seconds and bytes (recording and estimates) of one recording by one process.
     """
     recordings = simulated(folder / "olos", "uwb-olos", number)
     words = [*COMMAND, "estimate", "-e", "eopda-geo", "--overwrite"]
-    words += ["--set", "particles=1000", "-o", f"{folder}/olos-est/"]
+    words += ["--set", f"particles={particles}", "-o", f"{folder}/olos-est/"]
 
     def seconds(*commands: list[str]) -> float:
         start = time.perf_counter()
@@ -244,9 +244,10 @@ def speed_up(folder: Path, number: int, rounds: int) -> tuple[float, int]:
     print(f"\nSpeed-up: {number} recordings of uwb-olos, s; the share is of the speed-up of two")
     print("  independent processes on the same work")
     times: list[tuple[float, float]] = []
-    for _ in range(rounds):
-        independent = seconds([*words, *names[::2]], [*words, *names[1::2]])
-        workers = seconds([*words, *names, "-j", "2"])
+    for turn in range(rounds):
+        ways = [([*words, *names[::2]], [*words, *names[1::2]]), ([*words, *names, "-j", "2"],)]
+        found = {k: seconds(*ways[k]) for k in ((0, 1), (1, 0))[turn % 2]}
+        independent, workers = found[0], found[1]
         times.append((independent, workers))
         print(f"  two processes {independent:7.1f}   -j 2 {workers:7.1f}", flush=True)
     one = seconds([*words, *names])
@@ -294,6 +295,7 @@ def main() -> None:
     parser.add_argument("tables", nargs="*", default=["overhead", "model"])
     parser.add_argument("--tiny", type=int, default=1000, help="number of tiny recordings")
     parser.add_argument("--large", type=int, default=200, help="number of uwb-olos recordings")
+    parser.add_argument("--particles", type=int, default=1000, help="of the filter on these")
     parser.add_argument("--rounds", type=int, default=2, help="turns of the speed-up")
     text = "bytes a second that the shared disk of the model moves; by default as this one"
     parser.add_argument("--bandwidth", type=float, help=text)
@@ -305,7 +307,7 @@ def main() -> None:
             overhead(folder, args.tiny)
         cost = dispatch(folder, args.tiny) if {"dispatch", "model"} & {*args.tables} else 0.0
         if {"speed-up", "model"} & {*args.tables}:
-            task = speed_up(folder, args.large, args.rounds)
+            task = speed_up(folder, args.large, args.rounds, args.particles)
             if "model" in args.tables:
                 model(task[0], cost, task[1], args.bandwidth or bandwidth(folder))
 
