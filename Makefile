@@ -8,7 +8,7 @@ JOBS ?= 2
 SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check browser docs packaging verify bench marks control-table autoferry labyrinth gsncp-table clean
+.PHONY: demo test check browser docs packaging verify bench marks control-table autoferry labyrinth gsncp-table jsc-table clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -81,6 +81,10 @@ labyrinth: $(STAMP)
 # The DI-GSNCP paper's Fig. 2 as a table and as data: 100 runs, every method, on two cores.
 gsncp-table: $(STAMP)
 	$(BIN)/python benchmarks/gsncp_table.py --runs 100 --jobs $(JOBS) -o gsncp
+
+# Figures 3 and 4 of the paper on base stations that sense, with an error budget. An hour.
+jsc-table: $(STAMP)
+	$(BIN)/python benchmarks/jsc_table.py --jobs $(JOBS) -o jsc
 
 clean:
 	rm -rf demo build dist docs/_build docs/reference *.egg-info .mypy_cache .ruff_cache .pytest_cache
