@@ -2,24 +2,38 @@
 
 from .files import (
     EstimatesWriter,
+    Parts,
+    RecordingWriter,
     Source,
+    doubts,
     estimates_writer,
     inspect,
     observed_digest,
+    open_parts,
     open_source,
+    peek,
     read,
+    recording_writer,
+    rescue,
     suffix_format,
     write,
 )
 
 __all__ = [
     "EstimatesWriter",
+    "Parts",
+    "RecordingWriter",
     "Source",
+    "doubts",
     "estimates_writer",
     "inspect",
     "observed_digest",
+    "open_parts",
     "open_source",
+    "peek",
     "read",
+    "recording_writer",
+    "rescue",
     "suffix_format",
     "write",
 ]
