@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from shutil import copyfileobj
+from tempfile import NamedTemporaryFile
 from typing import IO
 
 from ..models.errors import InputError, ParameterError
@@ -35,6 +39,18 @@ def opened(source: str) -> Path | IO[bytes]:
     return stdin() if source == DASH else Path(source)
 
 
+@contextmanager
+def spooled(source: str) -> Iterator[Path]:
+    """The file called ``source``, or a temporary one of what comes from stdin."""
+    if source != DASH:
+        yield Path(source)
+        return
+    with NamedTemporaryFile() as file:
+        copyfileobj(stdin(), file)
+        file.flush()
+        yield Path(file.name)
+
+
 def read(source: str) -> Recording | Estimates:
     """The recording or estimates called ``source``, verified."""
     from .. import formats
@@ -49,14 +65,17 @@ def read_scores(source: str) -> Scores:
     return scores.read(opened(source), label(source))
 
 
-def read_any(source: str) -> Recording | Estimates | Scores:
-    """Whatever is in the file ``source``, verified."""
+def is_scores(source: str) -> bool:
+    """Whether the file ``source`` is one of scores."""
     from .. import formats
 
     path = Path(source)
-    if path.suffix in SCORES or formats.inspect(path).get("kind") == "scores":
-        return read_scores(source)
-    return formats.read(path)
+    return path.suffix in SCORES or formats.peek(path)["kind"] == "scores"
+
+
+def read_any(source: str) -> Recording | Estimates | Scores:
+    """Whatever is in the file ``source``, verified."""
+    return read_scores(source) if is_scores(source) else read(source)
 
 
 def read_estimates(source: str) -> Estimates:

@@ -74,14 +74,17 @@ def command(
     from . import batch, exits, log
     from . import config as configuration
     from .gate import Gate
-    from .scoring import GROUP, Task, layers, score
+    from .running import GROUP
+    from .scoring import Task, layers, score
 
     target = single(output, scores_format(output), overwrite)
     limits = [Gate.parse(text) for text in gates]
     bounds = spans.parse(segments) if segments else ()
     names = [name.strip() for name in metrics.split(",")] if metrics else registry.names(GROUP)
     chosen = layers(names, configuration.layers(config, settings))
-    tasks = [Task(source, truth, chosen, required=bool(metrics)) for source in estimates]
+    tasks = [
+        Task(source, truth, chosen, bool(metrics), len(estimates) == 1) for source in estimates
+    ]
     tables, code = batch.run(score, tasks, jobs, keep_going)
     quadratic = {q for name in names for q in registry.load(GROUP, name).QUADRATIC}
     table = concatenate(tables)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from .. import formats
 from ..models.errors import FormatError, InputError
-from ..models.records import Estimates, Recording
+from ..models.records import Estimates
 
 
-def find(estimates: Estimates, label: str, places: Sequence[str]) -> Recording:
-    """The recording that came along with ``estimates``, or the one among ``places``.
+def find(estimates: Estimates, label: str, places: Sequence[str]) -> Path:
+    """The file among ``places`` of the recording that ``estimates`` were made from.
 
     A place is a file or a folder of files, in which those called like the recording come first.
 
@@ -19,8 +19,6 @@ def find(estimates: Estimates, label: str, places: Sequence[str]) -> Recording:
     ------
     InputError : there is none, or only others
     """
-    if estimates.recording is not None:
-        return estimates.recording
     if not places:
         raise InputError(f"{label}: no recording came along: name it, or its folder, by --truth")
     origin = estimates.meta.provenance.get("input")
@@ -29,9 +27,7 @@ def find(estimates: Estimates, label: str, places: Sequence[str]) -> Recording:
         raise InputError(f"{label}: does not say which recording it was made from")
     for path in _candidates(places, (estimates.meta.name, Path(label).stem)):
         if _digest(path, path in map(Path, places)) == digest:
-            record = formats.read(path)
-            assert isinstance(record, Recording)
-            return record
+            return path
     where = " ".join(places)
     raise InputError(f"{label}: was made from another recording than {where}: the digests differ")
 
@@ -48,7 +44,7 @@ def _candidates(places: Iterable[str], names: tuple[str, ...]) -> Iterator[Path]
 def _digest(path: Path, named: bool) -> str | None:
     """The digest of a recording; None for another file in a folder."""
     try:
-        found = formats.inspect(path)
+        found = formats.peek(path)
     except FormatError:
         if named:
             raise
