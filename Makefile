@@ -5,10 +5,11 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 RUNS ?= 4
 JOBS ?= 2
+FUZZ ?= 10000
 SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check browser verify bench marks control-table autoferry gsncp-table clean
+.PHONY: demo test check browser fuzz verify bench marks control-table autoferry gsncp-table clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -50,7 +51,11 @@ check: $(STAMP)
 browser: $(STAMP)
 	$(BIN)/python -m pytest -m browser
 
-# The slow statistical checks.
+# Changed inputs of every reader: FUZZ of each, on two cores. A few minutes.
+fuzz: $(STAMP)
+	$(BIN)/python tests/fuzz/fuzz.py --count $(FUZZ) --jobs $(JOBS)
+
+# The slow statistical checks, and 100,000 changed inputs of every reader.
 verify: $(STAMP)
 	$(BIN)/python -m pytest -m verification
 
