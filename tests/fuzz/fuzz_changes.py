@@ -135,7 +135,7 @@ def separators(data: bytes, rng: Rng) -> bytes:
 
 def nest(data: bytes, rng: Rng) -> bytes:
     """Brackets or braces open and are not closed soon."""
-    depth, at = 1 << int(rng.integers(1, 15)), _place(data, rng)
+    depth, at = 1 << int(rng.integers(1, 13)), _place(data, rng)
     pair = ((b"[", b"]"), (b"{a: ", b"}"), (b'{"a":', b"}"), (b"- ", b""))[rng.integers(4)]
     return data[:at] + pair[0] * depth + b"1" + pair[1] * depth + data[at:]
 
@@ -243,7 +243,7 @@ def _h5_retype(file: h5py.File, rng: Rng) -> None:
     elif way == 3:
         new = file.create_dataset(name, data=np.zeros(3, [("a", "f8"), ("b", "i4")]))
     elif way == 4:
-        size = 1 << int(rng.integers(20, 25))
+        size = 1 << int(rng.integers(18, 23))
         new = file.create_dataset(
             name, shape=(size,), dtype="f8", chunks=(size,), compression="gzip", fillvalue=0
         )
@@ -378,9 +378,9 @@ def zip_edit(data: bytes, rng: Rng) -> bytes:
     if way == 0:
         del members[name]
     elif way == 1:
-        members[name] = b"\0" * (1 << int(rng.integers(20, 26)))
+        members[name] = b"\0" * (1 << int(rng.integers(16, 24)))
     elif way == 2:
-        members[name] = members[name][:128] + b"\0" * (1 << int(rng.integers(20, 26)))
+        members[name] = members[name][:128] + b"\0" * (1 << int(rng.integers(16, 24)))
     else:
         members[name] = flip_bits(members[name][:128], rng) + members[name][128:]
     out = io.BytesIO()
