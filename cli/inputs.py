@@ -10,7 +10,7 @@ from shutil import copyfileobj
 from tempfile import NamedTemporaryFile
 from typing import IO
 
-from ..models.errors import InputError, ParameterError
+from ..models.errors import ParameterError
 from ..models.records import Estimates, Recording, Scores
 from .outputs import DASH
 
@@ -76,16 +76,3 @@ def is_scores(source: str) -> bool:
 def read_any(source: str) -> Recording | Estimates | Scores:
     """Whatever is in the file ``source``, verified."""
     return read_scores(source) if is_scores(source) else read(source)
-
-
-def read_estimates(source: str) -> Estimates:
-    """The estimates called ``source``, verified.
-
-    Raises
-    ------
-    InputError : it holds a recording
-    """
-    record = read(source)
-    if isinstance(record, Recording):
-        raise InputError(f"{label(source)}: holds a recording, not estimates")
-    return record

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from heapq import merge
@@ -23,14 +24,14 @@ from .tree import ArrayToken, Tree
 
 _ROOT = {"Conventions", "format_version", "content_digest", "observed_digest"}
 _MAX_DEPTH, _MAX_NODES, _MAX_TEXT = 8, 20_000, 1 << 24
-_MAX_CHUNK = 1 << 24
-"""Bytes of a chunk, which is read whole. Deflated it is hardly larger, and holds no more than
-1032 times what is stored."""
+_MAX_CHUNK, _LARGE = 1 << 26, 1 << 18
+"""Bytes of a chunk, which is read whole; and stored ones from which on it is looked into before,
+as the library inflates it to whatever is in it, 1032 times what is stored."""
 _ALLOWANCE, _RATIO = 1 << 28, 64
 """Bytes that a file may declare, and how many more for each that it has."""
 _CHECKSUM = 4
 _FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
-_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, OverflowError)
+_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, OverflowError, zlib.error)
 
 
 class TreeReader:
@@ -110,15 +111,21 @@ class TreeReader:
         for k in range(pipeline.get_nfilters()):
             if pipeline.get_filter(k)[0] not in _FILTERS:
                 raise FormatError(self.path, path, "a filter that is not expected")
-        sizes = [room]
+        sizes, large = [room], []
 
         def measure(chunk: Any) -> None:
             sizes.append(chunk.size if chunk.byte_offset + chunk.size <= self._size else 0)
+            if chunk.size > _LARGE:
+                large.append(chunk.chunk_offset)
 
         data.id.chunk_iter(measure)
         if max(sizes) > room + (room >> 6) + 64 or min(sizes) <= _CHECKSUM:
             odd = max(sizes, key=lambda size: abs(size - room))
             raise FormatError(self.path, path, f"a chunk of {room} bytes is stored in {odd}")
+        for offset in large if data.compression == "gzip" else ():
+            stored = data.id.read_direct_chunk(offset)[1]
+            if len(zlib.decompressobj().decompress(stored, room + 1)) > room:
+                raise FormatError(self.path, path, f"a chunk of {room} bytes holds more")
 
     def _verify_header(self) -> None:
         version = self.header["format_version"]

@@ -90,6 +90,9 @@ class _File:
 
     def add(self, time_ns: int, topic: str, schema: str, data: bytes) -> None:
         """Write one message."""
+        if len(data) > MESSAGE:
+            reason = f"{len(data)} bytes at one time, {MESSAGE} are the limit: write HDF5"
+            raise ParameterError(f"{topic}: {reason}")
         if topic not in self._channels:
             if schema not in self._schemas:
                 self._schemas[schema] = self._register(schema)

@@ -12,6 +12,7 @@ import resource
 import struct
 import zipfile
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -79,17 +80,25 @@ def test_h5_that_declares_more_than_it_has(h5):
 
 def test_h5_with_a_huge_chunk(h5):
     def put(file):
-        file.create_dataset("x", (2**22,), "f8", chunks=(2**22,), compression="gzip")
+        file.create_dataset("x", (2**24,), "f8", chunks=(2**24,), compression="gzip")
 
-    refused(edited(h5, put), "x", "chunks of 33554432 bytes")
+    refused(edited(h5, put), "x", "chunks of 134217728 bytes")
 
 
 def test_h5_chunk_that_inflates_to_far_more_than_its_size(h5):
     def put(file):
         data = file.create_dataset("x", (8,), "f8", chunks=(8,), compression="gzip")
-        data.id.write_direct_chunk((0,), zlib.compress(b"\0" * (1 << 31), 9))
+        data.id.write_direct_chunk((0,), zlib.compress(b"\0" * (1 << 24), 9))
 
     refused(edited(h5, put), "x", "is stored in")
+
+
+def test_h5_large_chunk_that_inflates_to_more(h5):
+    def put(file):
+        data = file.create_dataset("x", (2**17,), "f8", chunks=(2**17,), compression="gzip")
+        data.id.write_direct_chunk((0,), zlib.compress(b"\0" * (1 << 29), 9))
+
+    refused(edited(h5, put), "x", "a chunk of 1048576 bytes holds more")
 
 
 def test_h5_of_many_zeros(h5):
@@ -315,3 +324,17 @@ def test_yaml_that_is_deep_or_more_than_data(tmp_path, text):
         read=lambda path: plain_yaml.parse(path.read_text(), path.name),
         error=ParameterError,
     )
+
+
+def test_no_mcap_is_written_that_could_not_be_read(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr("echoset.formats.mcap.MESSAGE", 1000)
+    with pytest.raises(ParameterError, match="sensors and models"):
+        formats.write(recording, tmp_path / "a.mcap", "mcap")
+    axes = {"range_axis": np.arange(60.0), "azimuth_axis": np.linspace(-1, 1, 60)}
+    maps = replace(
+        recording.streams["maps"], model=axes, scan={"map": np.zeros((10, 60, 60), np.float32)}
+    )
+    monkeypatch.setattr("echoset.formats.mcap.MESSAGE", 14_000)
+    with pytest.raises(ParameterError, match="write HDF5"):
+        large = replace(recording, streams={"maps": maps}, truth=None)
+        formats.write(large, tmp_path / "a.mcap", "mcap")
