@@ -31,8 +31,10 @@ RECORD = 1 << 26
 """Bytes that one record or chunk may have, compressed or not."""
 MESSAGE = 1 << 24
 """Bytes that one message may have: decoded it takes many times as much."""
-_ALLOWANCE, _RATIO = 1 << 28, 64
+_ALLOWANCE, _RATIO = 1 << 26, 64
 """Bytes that chunks may hold in all, and how many more for each that they take in the file."""
+_MAX_NAMES = 1 << 17
+"""Channels and schemas: all that have numbers, twice."""
 
 Part = Channel | Message | Attachment | Metadata
 MAGIC = b"\x89MCAP0\r\n"
@@ -66,7 +68,7 @@ class Records:
             self._size = source.seek(0, 2) - start
             source.seek(start)
         self._position = self._crc = 0
-        self._packed = self._plain = 0
+        self._packed = self._plain = self._names = 0
 
     def __iter__(self) -> Iterator[Part]:
         """Channels, messages, attachments and metadata, those in chunks among them.
@@ -150,8 +152,12 @@ class Records:
                 raise ValueError("a record reaches beyond its chunk")
             if op == Opcode.MESSAGE:
                 yield _message(data[at : at + length])
-            elif op == Opcode.CHANNEL:
-                yield Channel.read(ReadDataStream(BytesIO(data[at : at + length])))
+            elif op in (Opcode.CHANNEL, Opcode.SCHEMA) and self._names < _MAX_NAMES:
+                self._names += 1
+                if op == Opcode.CHANNEL:
+                    yield Channel.read(ReadDataStream(BytesIO(data[at : at + length])))
+            else:
+                raise ValueError(f"a chunk holds a record of kind {op}, or very many channels")
             at += length
 
 

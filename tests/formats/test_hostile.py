@@ -96,7 +96,7 @@ def test_h5_chunk_that_inflates_to_far_more_than_its_size(h5):
 def test_h5_large_chunk_that_inflates_to_more(h5):
     def put(file):
         data = file.create_dataset("x", (2**17,), "f8", chunks=(2**17,), compression="gzip")
-        data.id.write_direct_chunk((0,), zlib.compress(b"\0" * (1 << 29), 9))
+        data.id.write_direct_chunk((0,), zlib.compress(b"\0" * (300 << 20), 6))
 
     refused(edited(h5, put), "x", "a chunk of 1048576 bytes holds more")
 
@@ -118,10 +118,12 @@ def test_h5_text_without_end(h5):
 
 
 @pytest.mark.parametrize("kind", ["groups", "attributes", "datasets"])
-def test_h5_with_very_many_items(h5, kind):
+def test_h5_with_very_many_items(h5, kind, monkeypatch):
+    monkeypatch.setattr("echoset.formats.hdf5_reader._MAX_NODES", 1000)
+
     def put(file):
         low = file.create_group("many")
-        for k in range(21_000):
+        for k in range(1100):
             if kind == "groups":
                 low.create_group(str(k))
             elif kind == "datasets":
@@ -214,8 +216,15 @@ def test_mcap_chunk_that_is_a_bomb(tmp_path, size, kind, data):
     refused(mcap(tmp_path / "a.mcap", (size, kind, data), header=None), "byte ")
 
 
+@pytest.mark.parametrize("op", [0, 3, 5, 99])
+def test_mcap_chunk_of_very_many_records(tmp_path, op):
+    body = b"\0" * 22 if op == 5 else b""
+    data = (struct.pack("<BQ", op, len(body)) + body) * ((1 << 25) // (9 + len(body)))
+    refused(mcap(tmp_path / "a.mcap", (len(data), b"zstd", zstandard.compress(data))))
+
+
 def test_mcap_of_many_small_bombs(tmp_path):
-    block = struct.pack("<BQ", 99, (1 << 26) - 9) + ZEROS[: (1 << 26) - 9]
+    block = struct.pack("<BQ", 3, (1 << 26) - 9) + ZEROS[: (1 << 26) - 9]
     bomb = (1 << 26, b"zstd", zstandard.compress(block))
     refused(mcap(tmp_path / "a.mcap", *[bomb] * 20, header=None), "declares")
 
