@@ -9,12 +9,12 @@ FUZZ ?= 10000
 SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check browser fuzz verify bench marks control-table autoferry gsncp-table clean
+.PHONY: demo test check browser fuzz docs packaging verify bench marks control-table autoferry labyrinth gsncp-table clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,plot]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	touch $@
 
 # The main job: simulate, estimate, score and report a small campaign into demo/ with pictures.
@@ -55,6 +55,14 @@ browser: $(STAMP)
 fuzz: $(STAMP)
 	$(BIN)/python tests/fuzz/fuzz.py --count $(FUZZ) --jobs $(JOBS)
 
+# The documentation as pages for a browser, in docs/_build/html; a warning is an error.
+docs: $(STAMP)
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+
+# Wheel and sdist, installed and run in clean environments; fetches the packages they need.
+packaging: $(STAMP)
+	$(BIN)/python -m pytest -m packaging
+
 # The slow statistical checks, and 100,000 changed inputs of every reader.
 verify: $(STAMP)
 	$(BIN)/python -m pytest -m verification
@@ -71,10 +79,14 @@ control-table: $(STAMP)
 autoferry: $(STAMP)
 	$(BIN)/python benchmarks/autoferry_table.py
 
+# The README's table of a measured UWB recording.
+labyrinth: $(STAMP)
+	$(BIN)/python benchmarks/labyrinth_table.py
+
 # The DI-GSNCP paper's Fig. 2 as a table and as data: 100 runs, every method, on two cores.
 gsncp-table: $(STAMP)
 	$(BIN)/python benchmarks/gsncp_table.py --runs 100 --jobs $(JOBS) -o gsncp
 
 clean:
-	rm -rf demo build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache
+	rm -rf demo build dist docs/_build docs/reference *.egg-info .mypy_cache .ruff_cache .pytest_cache
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +

@@ -2,8 +2,9 @@
 
 Prints, for each estimator, the mean over steps 11 to 180 of the RMSE of the device, its RMSE in the
 segments of the blockages with standard errors by bootstrap over runs, the number of lost runs (an
-error above 2 m after step 20) and processor milliseconds per step. Recordings and estimates are
-those of ``echoset simulate uwb-olos --seed 1`` and ``echoset estimate --seed 1``.
+error above 2 m after step 20) and processor milliseconds per step; then both bounds, which are the
+same for all runs, since these share their path. Recordings and estimates are those of
+``echoset simulate uwb-olos --seed 1`` and ``echoset estimate --seed 1``.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from functools import lru_cache
 import numpy as np
 from scene import simulated
 
+from echoset.metrics import pcrlb
 from echoset.models.parameters import resolve
 from echoset.models.random import generator
 from echoset.models.records import Array, Recording
@@ -90,6 +92,14 @@ def campaign(name: str, runs: int, **settings: object) -> Campaign:
     return Campaign(np.array(error), seconds / runs / len(error[0]))
 
 
+def bound(name: str) -> Campaign:
+    """The bound ``name`` on the device at each step, in place of errors."""
+    scores = pcrlb.bounds(recording(0), pcrlb.Params(), name, blocked=name == "pcrlb-star")
+    rows = zip(scores.metric, scores.part, scores.time, scores.value, strict=True)
+    value = [v for m, p, t, v in rows if (m, p) == (name, "device") and not np.isnan(t)]
+    return Campaign(np.array([value]), 0.0)
+
+
 def main() -> None:
     """Print the table."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 100
@@ -100,6 +110,8 @@ def main() -> None:
         c = campaign(name, runs, **settings)
         figures = " ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(*c.figures(), strict=True))
         print(f"{name:14s} {figures} {c.lost:4d} {1e3 * c.seconds:7.1f}", flush=True)
+    for name in ("pcrlb", "pcrlb-star"):
+        print(f"{name:14s} " + " ".join(f"{v:13.3f}" for v in bound(name).figures()[0]))
 
 
 if __name__ == "__main__":

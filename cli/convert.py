@@ -11,21 +11,47 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import log, options
-from .outputs import DASH, Policy, Target, plan, scores_format, single
+from .campaign import Campaign
+from .outputs import DASH, Policy, Target, plan, scores_format
 
 if TYPE_CHECKING:
     from ..models.records import Estimates, Recording, Scores
+    from .resume import Decision
+
+
+@dataclass(frozen=True, slots=True)
+class Import:
+    """An importer, the logs that make one recording, and what the user says of them."""
+
+    name: str
+    inputs: tuple[str, ...]
+    mapping: str | None
+    config: str | None
+    settings: tuple[str, ...]
+
+    def read(self) -> Recording:
+        """The recording."""
+        from ..models.parameters import resolve
+        from ..models.registry import load
+        from .config import layers
+
+        module = load("echoset.importers", self.name)
+        first = (("--mapping", {"mapping": self.mapping}),) if self.mapping else ()
+        params = resolve(module.Params, *first, *layers(self.config, self.settings))
+        recording: Recording = module.read([Path(source) for source in self.inputs], params)
+        return recording
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A file to be written in another format; ``show`` the progress.
+    """A file to be written in another format, or to be imported; ``show`` the progress.
 
     ``recover`` what can be had of a damaged one.
     """
 
     label: str
     target: Target
+    foreign: Import | None = None
     show: bool = False
     recover: bool = False
 
@@ -35,6 +61,9 @@ def convert(task: Task) -> bool:
     from ..models.errors import FormatError
     from .inputs import is_scores, read, read_scores, spooled
 
+    if task.foreign is not None:
+        _write(task.foreign.read(), task.target)
+        return False
     if task.recover:
         with spooled(task.label) as path:
             try:
@@ -43,7 +72,6 @@ def convert(task: Task) -> bool:
                 if error.path != str(path) or task.label != DASH:
                     raise
                 raise FormatError("<stdin>", error.where, error.reason) from error
-
     if task.label != DASH and is_scores(task.label):
         _write(read_scores(task.label), task.target)
         return False
@@ -116,6 +144,20 @@ def _passed_on(path: Path, task: Task) -> bool:
     return True
 
 
+def decide(task: Task) -> Decision:
+    """Whether the file has to be written: not if its content is the same already."""
+    from ..formats import stamp
+    from . import resume
+
+    if task.foreign is not None or task.label == DASH or task.recover:
+        return resume.decide(replace(task.target, resume=False), dict)
+
+    def expected() -> dict[str, str]:
+        return {"content_digest": stamp(Path(task.label))["content_digest"]}
+
+    return resume.decide(task.target, expected)
+
+
 def _write(record: Recording | Estimates | Scores, target: Target) -> None:
     from .. import formats
     from ..formats import scores
@@ -140,7 +182,7 @@ def _known(target: Target, kind: str) -> None:
 
 
 @click.command("convert")
-@click.argument("inputs", nargs=-1, required=True, metavar="IN...", type=click.Path())
+@options.inputs("inputs", "IN...")
 @options.output("File, folder (with a slash at the end) or - for stdout.")
 @options.data_format
 @click.option(
@@ -168,10 +210,8 @@ def command(
     recover: bool,
     config: str | None,
     settings: tuple[str, ...],
-    overwrite: bool,
-    skip_existing: bool,
-    jobs: int,
-    keep_going: bool,
+    policy: Policy,
+    campaign: Campaign,
 ) -> None:
     """Write IN in another format, or import it.
 
@@ -190,40 +230,22 @@ def command(
     from . import batch, exits
     from .inputs import SCORES
 
-    policy = Policy(overwrite, skip_existing, keep_going)
     if importer and recover:
         raise ParameterError("--recover is for our own files, not for --from")
     if importer:
+        inputs, known = campaign.places(inputs), (mapping, config, settings)
         target = plan(output, [PurePath(inputs[0]).stem], form, policy)[0]
-        if target is not None:
-            _write(_imported(importer, inputs, mapping, config, settings), target)
-        return
-    if mapping or config or settings:
+        tasks = [Task(inputs[0], campaign.target(target), Import(importer, inputs, *known))]
+    elif mapping or config or settings:
         raise ParameterError("--mapping, --config and --set are for imports: name one by --from")
-    if PurePath(output).suffix in SCORES and len(inputs) == 1:
-        targets: list[Target | None] = [single(output, scores_format(output), overwrite)]
     else:
-        targets = plan(output, [PurePath(source).stem for source in inputs], form, policy)
-    pairs = zip(inputs, targets, strict=True)
-    alone = len(inputs) == 1
-    tasks = [Task(source, target, alone, recover) for source, target in pairs if target is not None]
-    partial, code = batch.run(convert, tasks, jobs, keep_going)
-    exits.end(exits.worst([code] if code else [], any(partial)))
-
-
-def _imported(
-    name: str,
-    inputs: tuple[str, ...],
-    mapping: str | None,
-    config: str | None,
-    settings: tuple[str, ...],
-) -> Recording:
-    from ..models.parameters import resolve
-    from ..models.registry import load
-    from .config import layers
-
-    module = load("echoset.importers", name)
-    first = (("--mapping", {"mapping": mapping}),) if mapping else ()
-    params = resolve(module.Params, *first, *layers(config, settings))
-    recording: Recording = module.read([Path(source) for source in inputs], params)
-    return recording
+        if PurePath(output).suffix in SCORES and len(inputs) == 1:
+            targets = [policy.target(Path(output), scores_format(output), late=False)]
+        else:
+            stems = [PurePath(source).stem for source in inputs]
+            targets = plan(output, stems, form, policy, late=campaign.keep_going)
+        pairs = zip(campaign.places(inputs), map(campaign.target, targets), strict=True)
+        alone = len(inputs) == 1
+        tasks = [Task(source, target, None, alone, recover) for source, target in pairs]
+    done = batch.run(convert, tasks, campaign, decide, policy.dry_run)
+    exits.end(exits.worst([done.exit_code] if done.exit_code else [], any(done.results)))

@@ -1,4 +1,8 @@
-"""``echoset describe``: parameters with unit, meaning and default, as YAML to be passed back."""
+"""``echoset describe``: parameters with unit, meaning and default, as YAML to be passed back.
+
+Only scenarios state their defaults: what estimators and metrics are not told, they take from the
+sensor model of the recording, so that here defaults are comments.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,8 @@ def command(name: str) -> None:
     """Print the parameters of NAME as YAML.
 
     NAME is a scenario, estimator, metric or importer. Edited, it can be passed back: a scenario
-    to 'simulate', the others by --config to 'estimate', 'score' and 'convert'.
+    to 'simulate', the others by --config to 'estimate', 'score' and 'convert'. Of these, take the
+    '#' away before what you set: the rest is as the recording says, or the default.
     """
     from ..models import registry
 
@@ -53,20 +58,21 @@ def describe(group: str, name: str) -> Iterator[str]:
         yield from _parameters(module.Params, values, "  ")
     elif group == "echoset.metrics":
         yield f"{name}:"
-        yield from _parameters(module.Params, {}, "  ")
+        yield from _parameters(module.Params, {}, "  #")
     else:
-        yield from _parameters(module.Params, {}, "")
+        yield from _parameters(module.Params, {}, "#")
 
 
-def _parameters(params: Any, values: Mapping[str, Any], indent: str) -> Iterator[str]:
+def _parameters(params: Any, values: Mapping[str, Any], start: str) -> Iterator[str]:
     from ..formats.plain_yaml import dump
 
+    indent = start.removesuffix("#")
     for f in dataclasses.fields(params):
         default = f.default_factory() if callable(f.default_factory) else f.default
         value = values.get(f.name, default)
         unit = f.metadata["unit"]
         yield f"{indent}# {f.metadata['doc']}" + (f" [{unit}]" if unit not in ("", "1") else "")
         if value is REQUIRED:
-            yield f"{indent}# {f.name}: from the recording"
+            yield f"{start}{f.name}: from the recording"
         else:
-            yield f"{indent}{f.name}: {dump(value)}"
+            yield f"{start}{f.name}: {dump(value)}"

@@ -35,6 +35,7 @@ class Task:
     metrics: Layers
     required: bool
     show: bool = False
+    target: None = None
 
     @property
     def label(self) -> str:
@@ -127,11 +128,16 @@ def layers(names: Iterable[str], user: Iterable[Layer]) -> Layers:
     """
     fields = {name: set(registry.load(GROUP, name).Params.__dataclass_fields__) for name in names}
     found: dict[str, list[Layer]] = {name: [] for name in fields}
+    metrics, parameters = set(registry.names(GROUP)), set[str]().union(*fields.values())
     for source, values in user:
-        own = {key: value for key, value in values.items() if isinstance(value, dict)}
+        own = {
+            key: value or {}
+            for key, value in values.items()
+            if (isinstance(value, dict) and key not in parameters)
+            or (value is None and key in metrics)
+        }
         shared = {key: value for key, value in values.items() if key not in own}
-        known = set(registry.names(GROUP)), set().union(*fields.values())
-        for keys, among in zip((own, shared), known, strict=True):
+        for keys, among in ((own, metrics), (shared, parameters)):
             for key in keys:
                 if key not in among:
                     kind = "metric" if keys is own else "parameter"

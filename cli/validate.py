@@ -25,6 +25,7 @@ class Task:
     label: str
     strict: bool
     show: bool
+    target: None = None
 
 
 def validate(task: Task) -> None:
@@ -116,6 +117,7 @@ def command(files: tuple[str, ...], strict: bool) -> None:
     byte for byte what the content gives.
     """
     from . import batch, exits
+    from .campaign import Campaign
 
     tasks = [Task(file, strict, len(files) == 1) for file in files]
-    exits.end(batch.run(validate, tasks, keep_going=True)[1])
+    exits.end(batch.run(validate, tasks, Campaign(keep_going=True)).exit_code)

@@ -5,6 +5,7 @@ from .files import (
     Parts,
     RecordingWriter,
     Source,
+    content_digest,
     doubts,
     estimates_writer,
     inspect,
@@ -15,6 +16,7 @@ from .files import (
     read,
     recording_writer,
     rescue,
+    stamp,
     suffix_format,
     write,
 )
@@ -25,6 +27,7 @@ __all__ = [
     "RecordingWriter",
     "Source",
     "doubts",
+    "content_digest",
     "estimates_writer",
     "inspect",
     "observed_digest",
@@ -34,6 +37,7 @@ __all__ = [
     "read",
     "recording_writer",
     "rescue",
+    "stamp",
     "suffix_format",
     "write",
 ]

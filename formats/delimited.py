@@ -178,6 +178,7 @@ def read_table(path: Path, dialect: Dialect, fields: Mapping[str, Field]) -> Tab
         raise FormatError(path, f"line {start}", str(error)) from error
     if not rows:
         raise FormatError(path, "line 1", "there is nothing but comments")
+    _expect_columns(rows[0], fields, dialect.delimiter, path, lines[0])
     names = [name.strip() for name in rows[0]] if dialect.header else None
     body = rows[1:] if dialect.header else rows
     columns = {}
@@ -186,6 +187,17 @@ def read_table(path: Path, dialect: Dialect, fields: Mapping[str, Field]) -> Tab
             k = _position(field.column, names, len(rows[0]), path, lines[0])
             columns[key] = [row[k].strip() for row in body]
     return Table(file, fields, columns, lines[1:] if dialect.header else lines)
+
+
+def _expect_columns(
+    first: Sequence[str], fields: Mapping[str, Field], delimiter: str, path: Path, line: int
+) -> None:
+    """Refuse one column where several are wanted and another delimiter would make them."""
+    wanted = {field.column for field in fields.values()} - {None}
+    other = next((d for d in ",;\t| " if d in first[0].strip()), None)
+    if len(first) == 1 < len(wanted) and other:
+        reason = f"has one column: is the delimiter {other!r}, not {delimiter!r}?"
+        raise FormatError(path, f"line {line}", reason)
 
 
 def _sifted(lines: Sequence[str], dialect: Dialect) -> Iterator[str]:

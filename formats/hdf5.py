@@ -21,6 +21,7 @@ from . import layout
 from . import tree as trees
 from .hdf5_parts import Parts
 from .hdf5_reader import Source, inspect, peek, read
+from .hdf5_stamp import stamp
 from .steady import SteadyFile
 from .steps import WINDOW, Windows, windows
 from .tree import ArrayToken, Leaf
@@ -35,6 +36,7 @@ __all__ = [
     "inspect",
     "peek",
     "read",
+    "stamp",
     "write",
 ]
 

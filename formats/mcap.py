@@ -29,6 +29,7 @@ from . import tree as trees
 from .mcap_parts import Parts, peek
 from .mcap_reader import HEADER, TRAILER, Source, inspect, read
 from .mcap_records import MAGIC, MESSAGE
+from .mcap_stamp import stamp
 from .schemas import SCHEMAS
 from .tables import Table, column_types, tables
 from .tree import ArrayToken
@@ -46,6 +47,7 @@ __all__ = [
     "inspect",
     "peek",
     "read",
+    "stamp",
     "rescue",
     "write",
 ]

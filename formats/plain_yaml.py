@@ -1,7 +1,7 @@
 """YAML of plain data, in which people write parameters and mappings.
 
 No objects, no aliases (with which a small file can hold a huge mapping), no key twice; 1e-3 is a
-number and a date is text.
+number and a date is text. Keys are names, so that ``0x1A``, ``007`` and ``no`` are what they say.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ class _Loader(yaml.SafeLoader):
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                key.tag = "tag:yaml.org,2002:str"
         found = super().construct_mapping(node, deep)
         if len(found) < len(node.value):
             raise yaml.MarkedYAMLError(problem="a key twice", problem_mark=node.start_mark)

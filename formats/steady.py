@@ -18,8 +18,10 @@ class SteadyFile(io.RawIOBase):
     """
 
     def __init__(self, path: Path) -> None:
-        self._file: io.FileIO | io.BytesIO = path.open("w+b", buffering=0)
+        # First what close() needs: it is called even of a file that cannot be opened.
+        self._file: io.FileIO | io.BytesIO = io.BytesIO()
         self._error: OSError | None = None
+        self._file = path.open("w+b", buffering=0)
 
     def write(self, data: ReadableBuffer) -> int:
         """Write all of ``data``."""

@@ -91,3 +91,10 @@ def test_steady_file_holds_what_was_written(tmp_path):
     steady.close()
     with h5py.File(tmp_path / "x.h5") as file:
         assert np.array_equal(file["values"][:], values)
+
+
+def test_a_file_that_cannot_be_opened_is_closed_in_silence(tmp_path):
+    steady = SteadyFile.__new__(SteadyFile)
+    with pytest.raises(FileNotFoundError):
+        steady.__init__(tmp_path / "none" / "x.h5")
+    steady.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -382,3 +383,29 @@ def test_partial_measurements_are_refused(tmp_path: Path):
 def test_a_log_without_rows_has_no_events(tmp_path: Path):
     assert len(read(tmp_path, "t,id,r\n", RANGES).streams["uwb"]) == 0
     assert len(read(tmp_path, "t,x,y\n", POINTS).streams["radar"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "guess"), [("t;id;r\n1;A;2\n", ";"), ("t\tid\tr\n1\tA\t2\n", "\\t"), ("1 A 2\n", " ")]
+)
+def test_another_delimiter_is_guessed(tmp_path: Path, text: str, guess: str):
+    mapping = RANGES
+    if text[0] == "1":
+        mapping = RANGES | {"header": False, "columns": {"time": 1, "anchor": 2, "distance": 3}}
+    with pytest.raises(
+        FormatError, match=re.escape(f"line 1: has one column: is the delimiter '{guess}'")
+    ):
+        read(tmp_path, text, mapping)
+    delimiter = guess.replace("\\t", "\t")
+    assert len(read(tmp_path, text, mapping | {"delimiter": delimiter}).streams["uwb"]) == 1
+
+
+def test_anchors_are_called_what_the_mapping_says(tmp_path: Path):
+    names = ("0x1A", "007", "no", "1e3")
+    (tmp_path / "m.yaml").write_text(
+        "kind: uwb\ncolumns: {time: t, anchor: id, distance: r}\nanchors: "
+        "{0x1A: [0, 0], 007: [4, 0], no: [4, 3], 1e3: [0, 3]}\n"
+    )
+    rows = "".join(f"1,{name},2\n" for name in names)
+    log = read(tmp_path, f"t,id,r\n{rows}", str(tmp_path / "m.yaml"))  # type: ignore[arg-type]
+    assert log.streams["uwb"].nodes == ("device", *names)

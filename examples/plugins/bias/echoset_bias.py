@@ -1,0 +1,57 @@
+"""The mean error along each axis: whether estimates are off to one side.
+
+A root mean square error does not tell a systematic offset, as from uncalibrated ranges, from noise;
+the mean of the signed error does. Over a campaign it pools as a mean of the recordings' means.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from echoset.metrics.alignment import Window, pairs
+from echoset.metrics.errors import axes, check_parts, chosen, deviation
+from echoset.metrics.series import mean_stderr
+from echoset.metrics.table import concatenate, rows
+from echoset.models.parameters import parameter, require
+from echoset.models.records import Estimates, Recording, Scores
+
+SUMMARY = "mean error of device and centre along each axis, over all steps"
+PARTS = ("device", "centre")
+NEEDS_SCANS = False
+FOR_SETS = False
+QUADRATIC = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Params(Window):
+    """Which steps and parts are scored."""
+
+    parts: tuple[str, ...] = parameter((), "1", "device, centre; empty: all there are")
+    block: int = parameter(20, "1", "steps in a block of the bootstrap; 0: no stderr")
+
+    def __post_init__(self) -> None:
+        Window.__post_init__(self)
+        check_parts(self.parts, PARTS)
+        require(self.block >= 0, "block", "at least 0", self.block)
+
+
+def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
+    """Estimated less true position [m] per step and its mean; parts are ``device-x`` and so on.
+
+    Raises
+    ------
+    InputError : no truth, several objects, a part that is missing, or nothing to score
+    """
+    aligned = pairs(estimates, recording, params)
+    tables = []
+    for part in chosen(params.parts, PARTS, aligned):
+        errors = deviation(part, aligned)
+        for name, e in zip(axes(part, aligned.estimate, aligned.truth), errors.T, strict=True):
+            axis = name.removeprefix("device_")
+            key = (recording.meta.name, estimates.estimator, "bias", f"{part}-{axis}")
+            tables.append(rows(key, aligned.time, e))
+            spread = mean_stderr(e, params.block)
+            tables.append(rows(key, np.nan, e.mean(), len(e), spread))
+    return concatenate(tables)
