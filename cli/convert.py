@@ -147,13 +147,19 @@ def _passed_on(path: Path, task: Task) -> bool:
 def decide(task: Task) -> Decision:
     """Whether the file has to be written: not if its content is the same already."""
     from ..formats import stamp
+    from ..models.errors import FormatError
     from . import resume
 
-    if task.foreign is not None or task.label == DASH or task.recover:
+    if task.foreign is not None or task.label == DASH:
         return resume.decide(replace(task.target, resume=False), dict)
 
     def expected() -> dict[str, str]:
-        return {"content_digest": stamp(Path(task.label))["content_digest"]}
+        try:
+            return {"content_digest": stamp(Path(task.label))["content_digest"]}
+        except FormatError:
+            if not task.recover:
+                raise
+            return {"content_digest": "lost"}
 
     return resume.decide(task.target, expected)
 

@@ -13,6 +13,7 @@ from ..models.checks import check
 from ..models.errors import FormatError, ParameterError
 from ..models.records import Estimates, Meta, Recording, Scan
 from . import layout
+from .whole import WholeParts, WholeWriter
 
 GROUP = "echoset.formats"
 Target = Path | IO[bytes]
@@ -205,7 +206,7 @@ def stamp(path: Path) -> dict[str, Any]:
 def open_parts(source: Target, path: object = None, carried: bool = False, **how: Any) -> Parts:
     """Open a record for reading in windows of time; ``carried``: the recording beside estimates.
 
-    ``source`` can seek.
+    ``source`` can seek. A format without windows of its own is read whole.
 
     Raises
     ------
@@ -213,6 +214,8 @@ def open_parts(source: Target, path: object = None, carried: bool = False, **how
     """
     path = _name(source, path)
     module, source = _identify(source, path)
+    if not hasattr(module, "Parts"):
+        return WholeParts(module.read(source, path), path, carried, **how)
     parts: Parts = module.Parts(source, path, carried, **how)
     return parts
 
@@ -225,7 +228,7 @@ def peek(path: Path) -> dict[str, Any]:
     FormatError : it cannot be read, is damaged or of another kind
     """
     module, _ = _identify(path, path)
-    found: dict[str, Any] = module.peek(path, path)
+    found: dict[str, Any] = getattr(module, "peek", module.inspect)(path, path)
     return found
 
 
@@ -237,7 +240,9 @@ def doubts(path: Path) -> Iterator[tuple[str, str]]:
     FormatError : it cannot be read, is damaged or of another kind
     """
     module, _ = _identify(path, path)
-    found: Iterator[tuple[str, str]] = module.doubts(path)
+    found: Iterator[tuple[str, str]] = (
+        module.doubts(path) if hasattr(module, "doubts") else iter(())
+    )
     return found
 
 
@@ -289,7 +294,10 @@ def estimates_writer(target: Target, format: str) -> EstimatesWriter:
 
 def recording_writer(target: Target, format: str) -> RecordingWriter:
     """A writer that takes a recording window by window. Not atomic by itself."""
-    writer: RecordingWriter = registry.load(GROUP, format).RecordingWriter(target)
+    module = registry.load(GROUP, format)
+    if not hasattr(module, "RecordingWriter"):
+        return WholeWriter(module.write, target)
+    writer: RecordingWriter = module.RecordingWriter(target)
     return writer
 
 
