@@ -112,6 +112,20 @@ def test_hdf5_is_lost(run, rec, tmp_path):
     assert run("convert", "--recover", "--from", "csv", rec, "-o", tmp_path / "x.h5").code == 2
 
 
+def test_a_campaign_is_resumed(run, whole, tmp_path):
+    """What was whole stays; what is damaged is recovered again, and the exit code says so."""
+    (tmp_path / "cut.mcap").write_bytes(whole.read_bytes()[:-400])
+    words = ("convert", "--recover", whole, tmp_path / "cut.mcap", "-o", f"{tmp_path}/out/")
+    assert run(*words, "-j", 2).code == 3
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    assert sorted(before) == ["cut.h5", "whole.h5"]
+    planned = run(*words, "--skip-existing", "--dry-run")
+    assert planned.code == 0
+    assert [line.split()[0] for line in planned.out.splitlines()] == ["skip", "redo"]
+    assert run(*words, "--skip-existing").code == 3
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+
+
 def test_strict_validation_by_command(run, whole, tmp_path):
     assert run("validate", "--strict", whole).code == 0
     info = json.loads(run("info", "--json", whole).out)
