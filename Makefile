@@ -5,10 +5,11 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 RUNS ?= 4
 JOBS ?= 2
+FUZZ ?= 10000
 SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check browser docs packaging verify bench marks control-table autoferry labyrinth gsncp-table jsc-table clean
+.PHONY: demo test check browser fuzz docs packaging verify bench marks control-table autoferry labyrinth gsncp-table jsc-table clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -50,6 +51,10 @@ check: $(STAMP)
 browser: $(STAMP)
 	$(BIN)/python -m pytest -m browser
 
+# Changed inputs of every reader: FUZZ of each, on two cores. A few minutes.
+fuzz: $(STAMP)
+	$(BIN)/python tests/fuzz/fuzz.py --count $(FUZZ) --jobs $(JOBS)
+
 # The documentation as pages for a browser, in docs/_build/html; a warning is an error.
 docs: $(STAMP)
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
@@ -58,7 +63,7 @@ docs: $(STAMP)
 packaging: $(STAMP)
 	$(BIN)/python -m pytest -m packaging
 
-# The slow statistical checks.
+# The slow statistical checks, and 100,000 changed inputs of every reader.
 verify: $(STAMP)
 	$(BIN)/python -m pytest -m verification
 

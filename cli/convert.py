@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import deque
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from . import options
+from . import log, options
 from .campaign import Campaign
 from .outputs import DASH, Policy, Target, plan, scores_format
 
@@ -42,33 +44,122 @@ class Import:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A file to be written in another format, or to be imported."""
+    """A file to be written in another format, or to be imported; ``show`` the progress.
+
+    ``recover`` what can be had of a damaged one.
+    """
 
     label: str
     target: Target
     foreign: Import | None = None
+    show: bool = False
+    recover: bool = False
 
 
-def convert(task: Task) -> None:
-    """Read a file and write the same content in another format."""
-    from .inputs import read, read_any
+def convert(task: Task) -> bool:
+    """Read a file and write the same content in another format; whether only part could be had."""
+    from ..models.errors import FormatError
+    from .inputs import is_scores, read, read_scores, spooled
 
     if task.foreign is not None:
         _write(task.foreign.read(), task.target)
-    else:
-        _write(read(DASH) if task.label == DASH else read_any(task.label), task.target)
+        return False
+    if task.recover:
+        with spooled(task.label) as path:
+            try:
+                return _recovered(path, task)
+            except FormatError as error:
+                if error.path != str(path) or task.label != DASH:
+                    raise
+                raise FormatError("<stdin>", error.where, error.reason) from error
+    if task.label != DASH and is_scores(task.label):
+        _write(read_scores(task.label), task.target)
+        return False
+    with spooled(task.label) as path:
+        if not _passed_on(path, task):
+            _write(read(str(path)), task.target)
+    return False
+
+
+def _recovered(path: Path, task: Task) -> bool:
+    """Write what can be had of a damaged file; whether that is not all."""
+    from .. import formats
+    from ..models.errors import FormatError
+    from ..models.records import Recording
+    from .inputs import label
+
+    try:
+        with closing(formats.open_parts(path)) as parts:
+            deque(parts, maxlen=0)
+            whole = True
+    except FormatError:
+        whole = False
+    if whole:
+        return convert(replace(task, recover=False))
+    with closing(formats.rescue(path)) as found, task.target.open() as opened:
+        writer: Any = None
+        carried: tuple[Recording | None, ...] = ()
+        try:
+            for window in found:
+                if writer is None:
+                    single = isinstance(window, Recording)
+                    _known(task.target, "recording" if single else "estimates")
+                    make = formats.recording_writer if single else formats.estimates_writer
+                    writer = make(opened, task.target.format)
+                    carried = () if single else (None,)
+                writer.append(window)
+            writer.close(found.meta, *(found.recording for _ in carried))
+        finally:
+            if writer is not None:
+                writer.abort()
+    damage = found.damage
+    assert damage is not None, "a whole file is converted"
+    reason = f"{damage.where}: {damage.reason}"
+    name, count = label(task.label), found.messages
+    log.logger.warning("%s: recovered %d messages, to the damage at %s", name, count, reason)
+    return True
+
+
+def _passed_on(path: Path, task: Task) -> bool:
+    """Whether the record could be written window by window as it was read: not what it carries."""
+    from .. import formats
+    from ..models.records import Recording
+    from .inputs import label
+    from .progress import share
+
+    with closing(formats.open_parts(path, label(task.label))) as parts:
+        if parts.carries:
+            return False
+        single = isinstance(parts.head, Recording)
+        _known(task.target, "recording" if single else "estimates")
+        make = formats.recording_writer if single else formats.estimates_writer
+        with task.target.open() as opened:
+            writer = make(opened, task.target.format)
+            try:
+                for window in share(parts, parts) if task.show else parts:
+                    writer.append(window)
+                writer.close(parts.head.meta)
+            finally:
+                writer.abort()
+    return True
 
 
 def decide(task: Task) -> Decision:
     """Whether the file has to be written: not if its content is the same already."""
     from ..formats import stamp
+    from ..models.errors import FormatError
     from . import resume
 
     if task.foreign is not None or task.label == DASH:
         return resume.decide(replace(task.target, resume=False), dict)
 
     def expected() -> dict[str, str]:
-        return {"content_digest": stamp(Path(task.label))["content_digest"]}
+        try:
+            return {"content_digest": stamp(Path(task.label))["content_digest"]}
+        except FormatError:
+            if not task.recover:
+                raise
+            return {"content_digest": "lost"}
 
     return resume.decide(task.target, expected)
 
@@ -76,18 +167,24 @@ def decide(task: Task) -> Decision:
 def _write(record: Recording | Estimates | Scores, target: Target) -> None:
     from .. import formats
     from ..formats import scores
-    from ..models import registry
-    from ..models.errors import ParameterError
     from ..models.records import Scores
 
+    if not isinstance(record, Scores):
+        _known(target, type(record).__name__.lower())
     with target.open() as opened:
         if isinstance(record, Scores):
             scores.write(record, opened, target.format)
-        elif target.format not in registry.names("echoset.formats"):
-            kind = type(record).__name__.lower()
-            raise ParameterError(f"{kind} cannot be written as {target.format}")
         else:
             formats.write(record, opened, target.format)
+
+
+def _known(target: Target, kind: str) -> None:
+    """Raise :class:`ParameterError` unless the target's format holds records."""
+    from ..models import registry
+    from ..models.errors import ParameterError
+
+    if target.format not in registry.names("echoset.formats"):
+        raise ParameterError(f"{kind} cannot be written as {target.format}")
 
 
 @click.command("convert")
@@ -102,6 +199,9 @@ def _write(record: Recording | Estimates | Scores, target: Target) -> None:
     help="Importer from 'echoset list importers'; all IN make one recording.",
 )
 @click.option("--mapping", metavar="FILE", help="What columns mean, for --from csv.")
+@click.option(
+    "--recover", is_flag=True, help="Of a damaged MCAP file, keep what comes before the damage."
+)
 @options.config
 @options.settings
 @options.existing
@@ -113,6 +213,7 @@ def command(
     form: str | None,
     importer: str | None,
     mapping: str | None,
+    recover: bool,
     config: str | None,
     settings: tuple[str, ...],
     policy: Policy,
@@ -123,6 +224,10 @@ def command(
     IN are our files or, with --from, the logs of others. Content and digests stay the same
     between formats. Scores go between .csv, .json and .h5.
 
+    With --recover, a damaged or truncated MCAP file gives its complete messages before the first
+    damage, with a digest of their own and a note in the provenance; the exit code is then 3, and 4
+    where there is nothing. A file that is whole is converted as ever.
+
     \b
     echoset convert recording.h5 -o recording.mcap
     echoset convert --from csv log.csv --mapping log.yaml -o recording.h5
@@ -131,6 +236,8 @@ def command(
     from . import batch, exits
     from .inputs import SCORES
 
+    if importer and recover:
+        raise ParameterError("--recover is for our own files, not for --from")
     if importer:
         inputs, known = campaign.places(inputs), (mapping, config, settings)
         target = plan(output, [PurePath(inputs[0]).stem], form, policy)[0]
@@ -144,5 +251,7 @@ def command(
             stems = [PurePath(source).stem for source in inputs]
             targets = plan(output, stems, form, policy, late=campaign.keep_going)
         pairs = zip(campaign.places(inputs), map(campaign.target, targets), strict=True)
-        tasks = [Task(source, target) for source, target in pairs]
-    exits.end(batch.run(convert, tasks, campaign, decide, policy.dry_run).exit_code)
+        alone = len(inputs) == 1
+        tasks = [Task(source, target, None, alone, recover) for source, target in pairs]
+    done = batch.run(convert, tasks, campaign, decide, policy.dry_run)
+    exits.end(exits.worst([done.exit_code] if done.exit_code else [], any(done.results)))

@@ -87,7 +87,8 @@ def estimate(task: Task) -> Timing:
             writer = estimates_writer(target, task.target.format)
             try:
                 meta = replace(setup.meta, provenance=_provenance(task, params))
-                timing = _append(progress.bar(steps, "step") if task.show else steps, writer, meta)
+                shown = progress.share(steps, source) if task.show else steps
+                timing = _append(shown, writer, meta)
                 deque(scans, maxlen=0)
                 if not timing.time_ns:
                     raise InputError(f"{task.label}: has no scans to estimate from")

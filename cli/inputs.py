@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from shutil import copyfileobj
+from tempfile import NamedTemporaryFile
 from typing import IO
 
-from ..models.errors import InputError, ParameterError
+from ..models.errors import ParameterError
 from ..models.records import Estimates, Recording, Scores
 from .outputs import DASH
 
@@ -57,6 +61,18 @@ def opened(source: str) -> Path | IO[bytes]:
     return stdin() if source == DASH else Path(source)
 
 
+@contextmanager
+def spooled(source: str) -> Iterator[Path]:
+    """The file called ``source``, or a temporary one of what comes from stdin."""
+    if source != DASH:
+        yield Path(source)
+        return
+    with NamedTemporaryFile() as file:
+        copyfileobj(stdin(), file)
+        file.flush()
+        yield Path(file.name)
+
+
 def read(source: str) -> Recording | Estimates:
     """The recording or estimates called ``source``, verified."""
     from .. import formats
@@ -71,24 +87,14 @@ def read_scores(source: str) -> Scores:
     return scores.read(opened(source), label(source))
 
 
-def read_any(source: str) -> Recording | Estimates | Scores:
-    """Whatever is in the file ``source``, verified."""
+def is_scores(source: str) -> bool:
+    """Whether the file ``source`` is one of scores."""
     from .. import formats
 
     path = Path(source)
-    if path.suffix in SCORES or formats.inspect(path).get("kind") == "scores":
-        return read_scores(source)
-    return formats.read(path)
+    return path.suffix in SCORES or formats.peek(path)["kind"] == "scores"
 
 
-def read_estimates(source: str) -> Estimates:
-    """The estimates called ``source``, verified.
-
-    Raises
-    ------
-    InputError : it holds a recording
-    """
-    record = read(source)
-    if isinstance(record, Recording):
-        raise InputError(f"{label(source)}: holds a recording, not estimates")
-    return record
+def read_any(source: str) -> Recording | Estimates | Scores:
+    """Whatever is in the file ``source``, verified."""
+    return read_scores(source) if is_scores(source) else read(source)

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib import import_module
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from . import log
 
@@ -21,6 +21,38 @@ def bar(items: Iterable[T], unit: str, total: int | None = None) -> Iterator[T]:
     from tqdm import tqdm
 
     return iter(tqdm(items, unit=unit, total=total, leave=False, file=sys.stderr))
+
+
+class Progress(Protocol):
+    """Something that is read in parts, which are counted in a ``unit``."""
+
+    unit: str
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """How much was read so far, and how much there is; 0 where nobody knows."""
+
+
+def share(items: Iterable[T], *sources: Progress) -> Iterator[T]:
+    """``items``, with the share of the ``sources`` that was read for them on stderr.
+
+    One source is counted in its unit, several by their mean share.
+    """
+    if log.is_quiet() or not sys.stderr.isatty():
+        yield from items
+        return
+    from tqdm import tqdm
+
+    unit = sources[0].unit if len(sources) == 1 else "o/oo"
+    with tqdm(unit=unit, unit_scale=True, miniters=1, leave=False, file=sys.stderr) as shown:
+        for item in items:
+            found = [source.progress for source in sources]
+            if len(found) > 1:
+                parts = [1000 * n // max(total, 1) for n, total in found]
+                found = [(sum(parts) // len(parts), 1000)]
+            shown.n, shown.total = found[0][0], found[0][1] or None
+            shown.update(0)
+            yield item
 
 
 @cache

@@ -45,6 +45,10 @@ def find(text: str) -> Scenario:
         return Scenario(text, text, _defaults(text))
     path = Path(text)
     name, parameters = _read(path)
+    try:
+        registry.load(GROUP, name)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from None
     return Scenario(path.stem, name, (*_defaults(name), (text, parameters)), text)
 
 

@@ -77,7 +77,8 @@ def command(
     from . import config as configuration
     from . import truth as recordings
     from .gate import Gate
-    from .scoring import GROUP, Task, layers, score
+    from .running import GROUP
+    from .scoring import Task, layers, score
 
     target = single(output, scores_format(output), overwrite)
     limits = [Gate.parse(text) for text in gates]
@@ -86,7 +87,8 @@ def command(
     chosen = layers(names, configuration.layers(config, settings))
     makefile.check(deps, [target], estimates)
     places = campaign.places(truth)
-    tasks = [Task(s, places, chosen, required=bool(metrics)) for s in campaign.places(estimates)]
+    asked, alone = bool(metrics), len(estimates) == 1
+    tasks = [Task(s, places, chosen, asked, alone) for s in campaign.places(estimates)]
     done = batch.run(score, tasks, campaign)
     quadratic = {q for name in names for q in registry.load(GROUP, name).QUADRATIC}
     table = concatenate(done.results)

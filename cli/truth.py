@@ -8,11 +8,11 @@ from typing import Any
 
 from .. import formats
 from ..models.errors import FormatError, InputError
-from ..models.records import Estimates, Recording
+from ..models.records import Estimates
 
 
-def find(estimates: Estimates, label: str, places: Sequence[str]) -> Recording:
-    """The recording that came along with ``estimates``, or the one among ``places``.
+def find(estimates: Estimates, label: str, places: Sequence[str]) -> Path:
+    """The file among ``places`` of the recording that ``estimates`` were made from.
 
     A place is a file or a folder of files, in which those called like the recording come first.
 
@@ -20,13 +20,9 @@ def find(estimates: Estimates, label: str, places: Sequence[str]) -> Recording:
     ------
     InputError : there is none, or only others
     """
-    if estimates.recording is not None:
-        return estimates.recording
     if not places:
         raise InputError(f"{label}: no recording came along: name it, or its folder, by --truth")
-    record = formats.read(_path(label, estimates.meta.name, estimates.meta.provenance, places))
-    assert isinstance(record, Recording)
-    return record
+    return _path(label, estimates.meta.name, estimates.meta.provenance, places)
 
 
 def located(source: str, places: Sequence[str]) -> Path | None:
@@ -59,7 +55,7 @@ def _candidates(places: Iterable[str], names: tuple[str, ...]) -> Iterator[Path]
 def _digest(path: Path, named: bool) -> str | None:
     """The digest of a recording; None for another file in a folder."""
     try:
-        found = formats.inspect(path)
+        found = formats.peek(path)
     except FormatError:
         if named:
             raise

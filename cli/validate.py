@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -12,15 +15,16 @@ from . import options
 from .outputs import say
 
 if TYPE_CHECKING:
-    from ..models.records import Estimates, Recording, Scores, Stream
+    from ..models.records import Stream
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A file to be read whole."""
+    """A file to be read whole; ``show`` the progress."""
 
     label: str
     strict: bool
+    show: bool
     target: None = None
 
 
@@ -31,30 +35,54 @@ def validate(task: Task) -> None:
     ------
     InputError : it is damaged or breaks its contract; with ``strict`` also where it is doubtful
     """
+    from .. import formats
     from ..models.errors import InputError
-    from .inputs import read_any
+    from .inputs import is_scores, read_scores
 
-    record = read_any(task.label)
-    for doubt in _doubts(record) if task.strict else ():
-        raise InputError(f"{task.label}: {doubt}")
-    say(f"{task.label}: ok, {type(record).__name__.lower()}")
+    if is_scores(task.label):
+        kind, doubts = "scores", [] if read_scores(task.label).provenance else [_UNKNOWN]
+    else:
+        kind, doubts = _read(task)
+        if task.strict and not doubts:
+            for where, reason in formats.doubts(Path(task.label)):
+                raise InputError(f"{task.label}: {where}: {reason}")
+    if task.strict and doubts:
+        raise InputError(f"{task.label}: {doubts[0]}")
+    say(f"{task.label}: ok, {kind}")
 
 
-def _doubts(record: Recording | Estimates | Scores) -> Iterator[str]:
-    """What the contract allows but is hardly meant."""
-    from ..models.records import Recording, Scores
+_UNKNOWN = "provenance is empty"
 
-    provenance = record.provenance if isinstance(record, Scores) else record.meta.provenance
-    if not provenance:
-        yield "provenance is empty"
-    if isinstance(record, Recording):
-        if not record.streams:
-            yield "has no streams"
-        for name, stream in record.streams.items():
-            if not len(stream):
-                yield f"streams/{name}: has no scans"
-            if stream.kind == "uwb":
-                yield from (f"streams/{name}: {doubt}" for doubt in _uwb_doubts(stream))
+
+def _read(task: Task) -> tuple[str, list[str]]:
+    """The kind of a record that is sound, and what the contract allows but is hardly meant."""
+    from .. import formats
+    from ..models.records import Recording
+    from .progress import share
+
+    kinds, doubts = [], list[str]()
+    for carried in (False, True):
+        with closing(formats.open_parts(Path(task.label), carried=carried)) as parts:
+            scans: Counter[str] = Counter()
+            for window in share(parts, parts) if task.show else parts:
+                for name, stream in getattr(window, "streams", {}).items():
+                    scans[name] += len(stream)
+                    if task.strict and stream.kind == "uwb" and len(doubts) < 1:
+                        doubts += [f"streams/{name}: {doubt}" for doubt in _uwb_doubts(stream)]
+            kinds.append(type(parts.head).__name__.lower())
+            if not parts.head.meta.provenance:
+                doubts.append(_UNKNOWN)
+            if isinstance(parts.head, Recording):
+                if not parts.head.streams:
+                    doubts.append("has no streams")
+                doubts += [
+                    f"streams/{name}: has no scans"
+                    for name in parts.head.streams
+                    if not scans[name]
+                ]
+            if not parts.carries:
+                break
+    return kinds[0], doubts
 
 
 def _uwb_doubts(stream: Stream) -> Iterator[str]:
@@ -63,23 +91,33 @@ def _uwb_doubts(stream: Stream) -> Iterator[str]:
         yield "neither amplitude, std nor sigma tells the noise of the ranges"
     beyond = rows["distance"] > model.get("max_range", float("inf"))
     if beyond.any():
-        yield f"rows/distance[{int(beyond.argmax())}]: is beyond max_range"
+        i = int(beyond.argmax())
+        scan = int((stream.row_offset[1:] <= i).sum())
+        place = f"rows/distance at {stream.time_ns[scan]} ns"
+        yield f"{place}: {rows['distance'][i]} is beyond max_range"
 
 
 @click.command("validate")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path())
-@click.option("--strict", is_flag=True, help="Refuse also what is legal but hardly meant.")
+@click.option(
+    "--strict", is_flag=True, help="Refuse also what is legal but hardly meant, or not as written."
+)
 @options.logging_options
 def command(files: tuple[str, ...], strict: bool) -> None:
     """Say whether FILE is sound.
 
-    Each is read whole and gets a line; the exit code is 4 if any is not sound.
+    Each is read whole and gets a line; the exit code is 4 if any is not sound. Sound is what has
+    the digest that it states, units, types and ranges as declared, all times in order, nothing
+    unknown and nothing behind its end.
 
-    With --strict, these are refused too: no provenance, no streams or scans, ranges without a word
-    on their noise or beyond the longest range.
+    With --strict, these are refused too: no provenance; no streams or scans; ranges without a word
+    on their noise or beyond the longest range. In HDF5, groups and attributes that mean nothing,
+    and datasets without checksums. In MCAP, records without checksums, sequence numbers with gaps,
+    topics and attachments that are not ours, and messages (also those for viewers) that are not
+    byte for byte what the content gives.
     """
     from . import batch, exits
     from .campaign import Campaign
 
-    tasks = [Task(file, strict) for file in files]
+    tasks = [Task(file, strict, len(files) == 1) for file in files]
     exits.end(batch.run(validate, tasks, Campaign(keep_going=True)).exit_code)

@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from ..models.checks import check
-from ..models.errors import InputError
+from ..models.errors import FormatError, InputError
 from ..models.parameters import as_dict, parameter, require
 from ..models.records import Array, Meta, Recording, Sensor, Stream, Truth
 from .documents import Document, read_json, shown
@@ -66,11 +66,12 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     true = [d for d in documents if isinstance(d.content, list) and _is_list(d.content[:1])]
     logs = [d for d in documents if d not in true]
     if len(logs) != 1 or len(true) > 1:
-        raise InputError("autoferry reads one file of detections and at most one of ground truth")
+        reason = "autoferry reads one file of detections and at most one of ground truth"
+        raise FormatError(documents[-1].path, f"{len(logs)} files of detections", reason)
     scans = _scans(logs[0])
     for name in params.sensors:
         if not scans[name].time:
-            raise InputError(f"{logs[0].path}: there is no scan of the {name}")
+            raise FormatError(logs[0].path, f"sensorID {SENSORS[name]}", f"no scan of the {name}")
     built = {name: scans[name].build(name, logs[0]) for name in params.sensors}
     provenance = {
         "importer": "autoferry",
@@ -199,5 +200,5 @@ def _truth(document: Document, max_gap: float) -> Truth:
             if track.setdefault(time, (east, north)) != (east, north):
                 document.fail(where, "the same vessel elsewhere at the same time")
     if not fixes:
-        raise InputError(f"{document.path}: there is no vessel")
+        document.fail("targetID", "there is no vessel")
     return Truth(together(fixes, max_gap))

@@ -105,7 +105,7 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     if len(paths) != 1:
         raise InputError("csv reads one log: name its further files in the mapping")
     content, folder = load(params.mapping)
-    layout = Layout.of(content)
+    layout = Layout.of(content, params.mapping if folder else "")
     found = fields(
         layout.columns,
         ("time", *MEASUREMENT[layout.kind]),

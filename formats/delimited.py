@@ -177,7 +177,7 @@ def read_table(path: Path, dialect: Dialect, fields: Mapping[str, Field]) -> Tab
         start = lines[-1] + 1 if lines else 1
         raise FormatError(path, f"line {start}", str(error)) from error
     if not rows:
-        raise FormatError(path, "", "there is nothing but comments")
+        raise FormatError(path, "line 1", "there is nothing but comments")
     _expect_columns(rows[0], fields, dialect.delimiter, path, lines[0])
     names = [name.strip() for name in rows[0]] if dialect.header else None
     body = rows[1:] if dialect.header else rows

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ..models.errors import FormatError
+from .plain_json import parse
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,23 +64,10 @@ def read_json(path: Path) -> Document:
     """
     try:
         data = path.read_bytes()
-        content = json.loads(
-            data.decode("utf-8-sig"),
-            parse_float=Decimal,
-            parse_int=Decimal,
-            parse_constant=_refuse,
-        )
+        text = data.decode("utf-8-sig")
     except OSError as error:
         raise FormatError(path, "", error.strerror or str(error)) from error
-    except json.JSONDecodeError as error:
-        place = f"line {error.lineno}, column {error.colno}"
-        raise FormatError(path, place, f"not JSON: {error.msg}") from error
     except UnicodeDecodeError as error:
         raise FormatError(path, f"byte {error.start}", "is not UTF-8 text") from error
-    except (ValueError, ArithmeticError, RecursionError) as error:
-        raise FormatError(path, "", f"not JSON that can be read: {error}") from error
+    content = parse(text, path, Decimal)
     return Document(path, content, hashlib.sha256(data).hexdigest())
-
-
-def _refuse(constant: str) -> NoReturn:
-    raise ValueError(f"{constant} is not a finite number")

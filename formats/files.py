@@ -13,6 +13,7 @@ from ..models.checks import check
 from ..models.errors import FormatError, ParameterError
 from ..models.records import Estimates, Meta, Recording, Scan
 from . import layout
+from .whole import WholeParts, WholeWriter
 
 GROUP = "echoset.formats"
 Target = Path | IO[bytes]
@@ -22,6 +23,11 @@ class Source(Protocol):
     """A recording that is read scan by scan."""
 
     setup: Recording
+    unit: str
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """How much was read so far in this unit, and how much there is; 0 where nobody knows."""
 
     @property
     def observed_digest(self) -> str:
@@ -35,6 +41,61 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Close the file."""
+
+
+class Parts(Protocol):
+    """A record that is read in windows of time; ``head`` is the record without any of them.
+
+    ``carries`` tells whether the file holds estimates and their recording.
+    """
+
+    head: Any
+    carries: bool
+    unit: str
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """How much was read so far in this unit, and how much there is."""
+
+    def __iter__(self) -> Iterator[Any]:
+        """The windows in order; FormatError where damage shows, at the end at the latest."""
+
+    def close(self) -> None:
+        """Close the file."""
+
+
+class Rescue(Protocol):
+    """The sound beginning of a damaged file; all but its windows is known once they are out."""
+
+    damage: FormatError | None
+    messages: int
+
+    @property
+    def meta(self) -> Meta:
+        """What the record is called, and that it is recovered."""
+
+    @property
+    def recording(self) -> Recording | None:
+        """The recording that estimates carried along, as far as it goes."""
+
+    def __iter__(self) -> Iterator[Any]:
+        """The windows in order; FormatError where nothing can be had."""
+
+    def close(self) -> None:
+        """Close the file."""
+
+
+class RecordingWriter(Protocol):
+    """Writes a recording window by window of time."""
+
+    def append(self, window: Recording) -> None:
+        """Take the next scans and truth; sensors and models are those of the first window."""
+
+    def close(self, meta: Meta) -> None:
+        """Finish the file with its ``meta``."""
+
+    def abort(self) -> None:
+        """Close the file as it is."""
 
 
 class EstimatesWriter(Protocol):
@@ -59,8 +120,8 @@ def _identify(source: Target, path: object) -> tuple[Any, Target]:
         else:
             if not source.seekable() and not hasattr(source, "peek"):
                 source = io.BytesIO(source.read())
-            head = source.peek(8)[:8] if hasattr(source, "peek") else source.read(8)
-            if not hasattr(source, "peek"):
+            head = source.read(8) if source.seekable() else _peek(source)
+            if source.seekable():
                 source.seek(-len(head), io.SEEK_CUR)
     except OSError as error:
         raise FormatError(path, "", error.strerror or str(error)) from error
@@ -73,6 +134,11 @@ def _identify(source: Target, path: object) -> tuple[Any, Target]:
     if not head:
         raise FormatError(path, "", "is empty")
     raise FormatError(path, "byte 0", "neither HDF5 nor MCAP")
+
+
+def _peek(source: Any) -> bytes:
+    """The next 8 bytes of a buffered stream, which stay to be read."""
+    return bytes(source.peek(8)[:8])
 
 
 def _name(source: Target, path: object) -> object:
@@ -137,6 +203,63 @@ def stamp(path: Path) -> dict[str, Any]:
         raise FormatError(path, "provenance", "cannot be read") from error
 
 
+def open_parts(source: Target, path: object = None, carried: bool = False, **how: Any) -> Parts:
+    """Open a record for reading in windows of time; ``carried``: the recording beside estimates.
+
+    ``source`` can seek. A format without windows of its own is read whole.
+
+    Raises
+    ------
+    FormatError : it cannot be read, is damaged or of another kind
+    """
+    path = _name(source, path)
+    module, source = _identify(source, path)
+    if not hasattr(module, "Parts"):
+        return WholeParts(module.read(source, path), path, carried, **how)
+    parts: Parts = module.Parts(source, path, carried, **how)
+    return parts
+
+
+def peek(path: Path) -> dict[str, Any]:
+    """Kind and digests of a file, not verified against its content.
+
+    Raises
+    ------
+    FormatError : it cannot be read, is damaged or of another kind
+    """
+    module, _ = _identify(path, path)
+    found: dict[str, Any] = getattr(module, "peek", module.inspect)(path, path)
+    return found
+
+
+def doubts(path: Path) -> Iterator[tuple[str, str]]:
+    """Places in a sound file, and what is strange there though it changes no content.
+
+    Raises
+    ------
+    FormatError : it cannot be read, is damaged or of another kind
+    """
+    module, _ = _identify(path, path)
+    found: Iterator[tuple[str, str]] = (
+        module.doubts(path) if hasattr(module, "doubts") else iter(())
+    )
+    return found
+
+
+def rescue(path: Path) -> Rescue:
+    """What can be had of a damaged file.
+
+    Raises
+    ------
+    FormatError : it is of a format of which nothing can be had
+    """
+    module, _ = _identify(path, path)
+    if not hasattr(module, "rescue"):
+        raise FormatError(path, "byte 0", "only MCAP can be recovered: other files are lost")
+    found: Rescue = module.rescue(path)
+    return found
+
+
 def suffix_format(path: Path, default: str | None = None) -> str:
     """Name of the format that the suffix of ``path`` stands for.
 
@@ -166,6 +289,15 @@ def write(record: Recording | Estimates, target: Target, format: str) -> None:
 def estimates_writer(target: Target, format: str) -> EstimatesWriter:
     """A writer that takes estimates step by step. Not atomic by itself."""
     writer: EstimatesWriter = registry.load(GROUP, format).EstimatesWriter(target)
+    return writer
+
+
+def recording_writer(target: Target, format: str) -> RecordingWriter:
+    """A writer that takes a recording window by window. Not atomic by itself."""
+    module = registry.load(GROUP, format)
+    if not hasattr(module, "RecordingWriter"):
+        return WholeWriter(module.write, target)
+    writer: RecordingWriter = module.RecordingWriter(target)
     return writer
 
 

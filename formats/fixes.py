@@ -44,4 +44,5 @@ def _at(
     gap = t[after] - t[before]
     known = (t[before] <= time) & (time <= t[after]) & (gap <= max_gap * 1e9)
     w = (time - t[before]) / np.maximum(gap, 1)
-    return p[before] + w[:, None] * (p[after] - p[before]), known
+    with np.errstate(over="ignore", invalid="ignore"):
+        return p[before] + w[:, None] * (p[after] - p[before]), known

@@ -8,6 +8,7 @@ leaves stand in ``/tokens``, their digests in attributes of the root.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
@@ -18,20 +19,30 @@ import numpy as np
 from ..models.records import Estimates, Meta, Recording
 from . import layout
 from . import tree as trees
-from .hdf5_reader import Source, inspect, read
+from .hdf5_parts import Parts
+from .hdf5_reader import Source, inspect, peek, read
 from .hdf5_stamp import stamp
 from .steady import SteadyFile
-from .steps import Windows
+from .steps import WINDOW, Windows, windows
 from .tree import ArrayToken, Leaf
 
-__all__ = ["EstimatesWriter", "Source", "TreeWriter", "inspect", "read", "stamp", "write"]
+__all__ = [
+    "EstimatesWriter",
+    "Parts",
+    "RecordingWriter",
+    "Source",
+    "doubts",
+    "TreeWriter",
+    "inspect",
+    "peek",
+    "read",
+    "stamp",
+    "write",
+]
 
 SUMMARY = "HDF5, random access and archive"
 SUFFIXES = (".h5", ".hdf5")
 MAGIC = b"\x89HDF\r\n\x1a\n"
-WINDOW = 1024
-"""Steps that are written at once."""
-
 _CHUNK_BYTES = 1 << 16
 _LONG_TEXT = 1024
 
@@ -55,14 +66,15 @@ class TreeWriter:
         elif isinstance(leaf, str) and (len(leaf) > _LONG_TEXT or name == "provenance"):
             self.file[path] = np.bytes_(leaf.encode())
         else:
-            self.file.require_group(group or "/").attrs[name] = leaf
+            _attribute(self.file.require_group(group or "/"), name, leaf)
 
     def extend(self, path: str, part: np.ndarray[Any, Any]) -> None:
         """Append ``part`` to the dataset at ``path``, a ``row_offset`` shifted to fit."""
         if self._disk:
             self._disk.check()
         if path not in self.tokens:
-            rows = max(1, _CHUNK_BYTES // max(1, part[:1].nbytes or part.itemsize))
+            size = part.itemsize * int(np.prod(part.shape[1:]))
+            rows = max(1, _CHUNK_BYTES // max(1, size))
             data = self.file.create_dataset(
                 path,
                 (0, *part.shape[1:]),
@@ -73,7 +85,8 @@ class TreeWriter:
                 shuffle=True,
                 fletcher32=True,
             )
-            data.attrs.update(layout.attributes(path))
+            for name, text in layout.attributes(path).items():
+                _attribute(data, name, text)
             self.tokens[path] = ArrayToken()
         else:
             data = self.file[path]
@@ -90,13 +103,14 @@ class TreeWriter:
         """Write tokens and digests; the file is complete after this and only after this."""
         tokens = {path: str(token) for path, token in sorted(self.tokens.items())}
         self.file["tokens"] = np.bytes_(json.dumps(tokens).encode())
-        seen = {p: tokens[p] for p in trees.observed(tokens)}
-        self.file.attrs.update(
-            Conventions="ECHOSET-1.0",
-            format_version=layout.FORMAT_VERSION,
-            content_digest=trees.digest(tokens),
-            observed_digest=trees.digest(seen) if tokens["kind"] == _RECORDING else "",
-        )
+        header = {
+            "Conventions": layout.CONVENTIONS,
+            "format_version": layout.FORMAT_VERSION,
+            "content_digest": trees.digest(tokens),
+            "observed_digest": trees.observed_digest(tokens),
+        }
+        for name, value in header.items():
+            _attribute(self.file, name, value)
         self.abort()
 
     def abort(self) -> None:
@@ -106,23 +120,62 @@ class TreeWriter:
             self._disk.close()
 
 
-_RECORDING = trees.token("recording")
+def _attribute(item: h5py.Group | h5py.Dataset, name: str, value: Any) -> None:
+    """Set an attribute; texts have a fixed length, as those of any length stand in a heap, in
+    whose damage the library gets lost.
+    """
+    if isinstance(value, str):
+        data = value.encode()
+        item.attrs.create(name, data, dtype=h5py.string_dtype("utf-8", max(1, len(data))))
+    else:
+        item.attrs[name] = value
 
 
 def write(record: Recording | Estimates, target: Path | IO[bytes]) -> None:
     """Write ``record`` whole."""
+    writer: EstimatesWriter | RecordingWriter
     if isinstance(record, Estimates):
         writer = EstimatesWriter(target)
-        writer.append(record)
-        writer.close(record.meta, record.recording)
+        try:
+            writer.append(record)
+            writer.close(record.meta, record.recording)
+        finally:
+            writer.abort()
         return
-    out = TreeWriter(target)
+    writer = RecordingWriter(target)
     try:
-        for path, leaf in trees.flatten(layout.to_tree(record)).items():
-            out.put(path, leaf)
-        out.close()
+        for window in windows(record):
+            writer.append(window)
+        writer.close(record.meta)
     finally:
-        out.abort()
+        writer.abort()
+
+
+class RecordingWriter:
+    """Writes a recording window by window of time."""
+
+    def __init__(self, target: Path | IO[bytes]) -> None:
+        self._out = TreeWriter(target)
+
+    def append(self, window: Recording) -> None:
+        """Take the next scans and truth; sensors and models are those of the first window."""
+        for path, leaf in trees.flatten(layout.to_tree(window)).items():
+            if layout.grows(path) and isinstance(leaf, np.ndarray):
+                self._out.extend(path, leaf)
+            elif path not in self._out.tokens and path != "provenance":
+                self._out.put(path, leaf)
+
+    def close(self, meta: Meta) -> None:
+        """Finish the file with its ``meta``."""
+        try:
+            self._out.put("provenance", layout.provenance(meta))
+            self._out.close()
+        finally:
+            self.abort()
+
+    def abort(self) -> None:
+        """Close the file as it is."""
+        self._out.abort()
 
 
 class EstimatesWriter:
@@ -161,3 +214,10 @@ class EstimatesWriter:
     def abort(self) -> None:
         """Close the file as it is."""
         self._out.abort()
+
+
+def doubts(path: Path) -> Iterator[tuple[str, str]]:
+    """Places in a sound file, and what is strange there; see :mod:`.hdf5_strict`."""
+    from .hdf5_strict import doubts
+
+    return doubts(path)

@@ -7,10 +7,10 @@ The Labyrinth Dataset, Tim Pfeifer, TU Chemnitz. Lines of fields separated by bl
 
 Ranges become active link events of one device, anchors sensors at rest, and points the truth:
 ``device_x device_y``, without an extent. The covariance of the points is not used, and lines of
-wheel odometry (``odom2diff``) are skipped. Lines in any order are sorted stably by time. Two-way
-ranging tells one distance per event, which the stream's model says as ``mean_los`` 1 and
-``mean_scatter`` 0, and its distances share an offset as long as the delays of the antennas are not
-calibrated: ``range_bias_std`` says how well it is known beforehand.
+wheel odometry (``odom2diff``) are skipped, as long as they are numbers. Lines in any order are
+sorted stably by time. Two-way ranging tells one distance per event, which the stream's model says
+as ``mean_los`` 1 and ``mean_scatter`` 0, and its distances share an offset as long as the delays of
+the antennas are not calibrated: ``range_bias_std`` says how well it is known beforehand.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 
 from ..models.checks import NAME, check
 from ..models.columns import ACTIVE
-from ..models.errors import FormatError, InputError
+from ..models.errors import FormatError
 from ..models.parameters import as_dict, parameter, require
 from ..models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
 from .events import assemble
@@ -59,13 +59,15 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
 
     Raises
     ------
-    FormatError : a file is unreadable, or a line breaks the format or the physics
-    InputError : there is no range
+    FormatError : a file is unreadable or has no range, or a line breaks the format or the physics
     """
     files = [read_text(path) for path in _files(paths)]
-    ranges, points = (_Lines.of(keyword, files) for keyword in ("range2", "point2"))
+    ranges, points, odometry = (_Lines.of(keyword, files) for keyword in FIELDS)
+    for lines in (points, odometry):
+        lines.check_numbers()
+        lines.time()
     if not ranges.fields:
-        raise InputError(f"{files[0].path}: there are no ranges (lines with range2)")
+        raise FormatError(files[0].path, "range2", "there are no ranges")
     stream, sensors = _ranges(ranges, params)
     provenance = {
         "importer": "labyrinth",
@@ -101,8 +103,9 @@ class _Lines:
             for number, line in enumerate(file.lines, 1):
                 word, *rest = line.split() or [""]
                 if word == keyword:
-                    if len(rest) + 1 != FIELDS[word]:
-                        reason = f"{word} has {len(rest) + 1} fields, needs {FIELDS[word]}"
+                    if len(rest) + 1 != (FIELDS[word] or max(len(rest) + 1, 2)):
+                        needs = FIELDS[word] or "a time and more"
+                        reason = f"{word} has {len(rest) + 1} fields, needs {needs}"
                         raise FormatError(file.path, f"line {number}", reason)
                     fields.append(rest)
                     places.append((file.path, number))
@@ -119,6 +122,12 @@ class _Lines:
         """Fail at the first true element of ``bad`` (m,)."""
         if bad.any():
             self.fail(int(bad.argmax()), reason)
+
+    def check_numbers(self) -> None:
+        """Fail at the first field that is no number, whether or not it is used."""
+        owner = [i for i, fields in enumerate(self.fields) for _ in fields]
+        text = [field for fields in self.fields for field in fields]
+        numbers(text, lambda k, reason: self.fail(owner[k], reason))
 
     def column(self, index: int) -> list[str]:
         return [fields[index] for fields in self.fields]
@@ -143,6 +152,7 @@ def _ranges(lines: _Lines, params: Params) -> tuple[Stream, dict[str, Sensor]]:
     position = np.column_stack([lines.numbers(3), lines.numbers(4)])
     lines.none(distance < 0, "the range is negative")
     lines.none(variance <= 0, "the variance is not positive")
+    lines.numbers(6)
     ids = lines.column(5)
     anchors, first, index = np.unique(ids, return_index=True, return_inverse=True)
     for i in first.tolist():

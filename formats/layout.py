@@ -25,6 +25,7 @@ from . import tree as trees
 from .tree import Tree
 
 FORMAT_VERSION = 1
+CONVENTIONS = "ECHOSET-1.0"
 _UNITS = {
     "time_ns": "ns",
     "time": "s",
@@ -69,7 +70,7 @@ def to_tree(record: Recording | Estimates) -> Tree:
         "epoch": m.epoch,
         "frame": m.frame,
         "origin": m.origin,
-        "provenance": json.dumps(m.provenance, sort_keys=True, allow_nan=False),
+        "provenance": provenance(m),
     }
     if isinstance(record, Estimates):
         tree["objects"] = objects_to_tree(record.objects)
@@ -95,6 +96,16 @@ def to_tree(record: Recording | Estimates) -> Tree:
             "blocked": {"time_ns": t.blocked_time_ns, "tx": t.blocked_tx, "rx": t.blocked_rx},
         }
     return tree
+
+
+def provenance(meta: Meta) -> str:
+    """Provenance as files hold it."""
+    return json_of(meta.provenance)
+
+
+def json_of(provenance: Mapping[str, Any]) -> str:
+    """Plain data as canonical JSON."""
+    return json.dumps(provenance, sort_keys=True, allow_nan=False)
 
 
 def stream_to_tree(s: Stream) -> Tree:
@@ -213,6 +224,22 @@ def grows(path: str) -> bool:
     if top == "streams":
         return rest[1] in ("time_ns", "row_offset", "scan", "rows")
     return top in ("truth", "objects", "steps")
+
+
+def table(path: str) -> str:
+    """The group whose ``time_ns`` the growing array at ``path`` goes by."""
+    top, *rest = path.split("/")
+    if top == "recording":
+        return f"recording/{table('/'.join(rest))}"
+    return "objects" if top in ("objects", "steps") else f"{top}/{rest[0]}"
+
+
+def per_row(path: str) -> bool:
+    """Whether the growing array at ``path`` has one value per row, not per scan or step."""
+    *group, name = path.removeprefix("recording/").split("/")
+    if group[0] == "streams":
+        return group[-1] == "rows"
+    return group[-1] == "objects" and name not in ("time_ns", "row_offset")
 
 
 def observed_digest(record: Recording) -> str:

@@ -95,12 +95,16 @@ class Layout(Dialect):
             require(False, "epoch", "a time in ISO 8601", self.epoch)
 
     @staticmethod
-    def of(content: Mapping[str, Any]) -> Layout:
-        """The mapping with this content, which has no key that its kind does not use."""
-        layout = resolve(Layout, ("mapping", content))
-        for key in UNUSED[layout.kind]:
-            if key in content:
-                raise ParameterError(f"mapping: {key!r} has no meaning for kind {layout.kind!r}")
+    def of(content: Mapping[str, Any], source: object = "") -> Layout:
+        """The mapping with this content of the file ``source``, without keys of other kinds."""
+        try:
+            layout = resolve(Layout, ("mapping", content))
+            for key in UNUSED[layout.kind]:
+                if key in content:
+                    reason = f"{key!r} has no meaning for kind {layout.kind!r}"
+                    raise ParameterError(f"mapping: {reason}")
+        except ParameterError as error:
+            raise ParameterError(f"{source}: {error}" if source else str(error)) from None
         return layout
 
 

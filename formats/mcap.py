@@ -10,32 +10,50 @@ read back.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from heapq import merge
 from itertools import count
+from math import inf
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from mcap.writer import Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from ..models.errors import ParameterError
-from ..models.records import Estimates, Meta, Objects, Recording
+from ..models.records import Estimates, Meta, Recording
 from . import layout, outlines, scene
 from . import tree as trees
+from .mcap_parts import Parts, peek
 from .mcap_reader import HEADER, TRAILER, Source, inspect, read
+from .mcap_records import MAGIC, MESSAGE
 from .mcap_stamp import stamp
 from .schemas import SCHEMAS
 from .tables import Table, column_types, tables
 from .tree import ArrayToken
 
-__all__ = ["EstimatesWriter", "Source", "inspect", "read", "stamp", "write"]
+if TYPE_CHECKING:
+    from .mcap_rescue import Rescue
+
+__all__ = [
+    "MAGIC",
+    "EstimatesWriter",
+    "Parts",
+    "RecordingWriter",
+    "Source",
+    "doubts",
+    "inspect",
+    "peek",
+    "read",
+    "stamp",
+    "rescue",
+    "write",
+]
 
 SUMMARY = "MCAP, for pipes and viewers"
 SUFFIXES = (".mcap",)
-MAGIC = b"\x89MCAP0\r\n"
 
 _Message = tuple[int, str, int, bool, str, str, bytes]
 """Time, group, index, whether primary, topic, schema and data: sorted, the order in the file."""
@@ -74,6 +92,9 @@ class _File:
 
     def add(self, time_ns: int, topic: str, schema: str, data: bytes) -> None:
         """Write one message."""
+        if len(data) > MESSAGE:
+            reason = f"{len(data)} bytes at one time, {MESSAGE} are the limit: write HDF5"
+            raise ParameterError(f"{topic}: {reason}")
         if topic not in self._channels:
             if schema not in self._schemas:
                 self._schemas[schema] = self._register(schema)
@@ -82,6 +103,11 @@ class _File:
             self._channels[topic] = channel, count(1)
         channel, sequence = self._channels[topic]
         self.mcap.add_message(channel, time_ns, data, time_ns, next(sequence))
+
+    def take(self, messages: Iterable[_Message]) -> None:
+        """Write messages in their order."""
+        for time_ns, *_, topic, schema, data in messages:
+            self.add(time_ns, topic, schema, data)
 
     def _register(self, schema: str) -> int:
         if schema in SCHEMAS:
@@ -93,12 +119,10 @@ class _File:
 
     def finish(self, tokens: dict[str, str], provenance: dict[str, str]) -> None:
         """Write the trailer; the file is complete after this and only after this."""
-        seen = {p: tokens[p] for p in trees.observed(tokens)}
-        whole = tokens["kind"] == trees.token("recording")
         trailer = {
             "format_version": str(layout.FORMAT_VERSION),
             "content_digest": trees.digest(tokens),
-            "observed_digest": trees.digest(seen) if whole else "",
+            "observed_digest": trees.observed_digest(tokens),
             "tokens": json.dumps(tokens, sort_keys=True),
             "provenance": json.dumps(provenance, sort_keys=True),
         }
@@ -129,13 +153,28 @@ class _Section:
             "columns": types,
         }
         text = json.dumps(header, allow_nan=False, sort_keys=True)
+        if len(text) > MESSAGE:
+            raise ParameterError(f"MCAP: {len(text)} bytes of sensors and models, limit {MESSAGE}")
         file.mcap.add_attachment(0, 0, HEADER, "application/json", text.encode())
+        self._poses = _poses_for_the_eye(record)
+        self._pose = next(self._poses, None)
 
     def messages(self, record: Recording | Estimates) -> Iterator[_Message]:
         """All messages of ``record`` (the next steps, or the whole) in the order of time."""
         leaves = trees.flatten(layout.to_tree(record))
         parts = [self._table(table, leaves) for table in self._tables]
-        return merge(*parts, *(map(iter, _for_the_eye(record))))
+        ends = (np.max(leaves[f"{t.group}/time_ns"], initial=0) for t in self._tables)
+        end = max(map(int, ends), default=0)
+        return merge(*parts, *_objects_for_the_eye(record), self._poses_until(end))
+
+    def _poses_until(self, end: float) -> Iterator[_Message]:
+        while self._pose is not None and self._pose[0] <= end:
+            yield self._pose
+            self._pose = next(self._poses, None)
+
+    def rest(self) -> Iterator[_Message]:
+        """Poses after the last message."""
+        return self._poses_until(inf)
 
     def _table(self, table: Table, leaves: dict[str, Any]) -> Iterator[_Message]:
         times = leaves[f"{table.group}/time_ns"]
@@ -180,49 +219,78 @@ def _to_json(leaf: trees.Leaf) -> Any:
     return leaf
 
 
-def _for_the_eye(record: Recording | Estimates) -> Iterator[Iterator[_Message]]:
-    def named(topic: str, schema: str, messages: Iterator[tuple[int, bytes]]) -> Iterator[_Message]:
-        for k, (time_ns, data) in enumerate(messages):
-            yield time_ns, _VIEWED, k, True, topic, schema, data
+def _named(topic: str, schema: str, messages: Iterable[tuple[int, bytes]]) -> Iterator[_Message]:
+    for k, (time_ns, data) in enumerate(messages):
+        yield time_ns, _VIEWED, k, True, topic, schema, data
 
-    update, frame = "foxglove.SceneUpdate", record.meta.frame
 
-    def drawn(topic: str, objects: Objects, kind: str) -> Iterator[Iterator[_Message]]:
-        yield named(f"{topic}/scene", update, scene.shapes(objects, frame, kind))
-        points = outlines.clouds(objects, frame, kind)
-        yield named(f"{topic}/outlines", "foxglove.PointCloud", points)
-
+def _objects_for_the_eye(record: Recording | Estimates) -> Iterator[Iterator[_Message]]:
+    topic, objects, kind = "/truth", None, "truth"
     if isinstance(record, Estimates):
-        yield from drawn(f"/estimates/{record.estimator}", record.objects, "estimates")
-        return
-    poses = sorted(scene.transforms(record.sensors, frame))
-    yield named("/tf", "foxglove.FrameTransform", iter(poses))
-    yield named("/sensors/scene", update, scene.sensors(record.sensors))
-    if record.truth is not None:
-        yield from drawn("/truth", record.truth.objects, "truth")
+        topic, objects, kind = f"/estimates/{record.estimator}", record.objects, "estimates"
+    elif record.truth is not None:
+        objects = record.truth.objects
+    if objects is not None:
+        frame = record.meta.frame
+        shapes = scene.shapes(objects, frame, kind)
+        yield _named(f"{topic}/scene", "foxglove.SceneUpdate", shapes)
+        points = outlines.clouds(objects, frame, kind)
+        yield _named(f"{topic}/outlines", "foxglove.PointCloud", points)
+
+
+def _poses_for_the_eye(record: Recording | Estimates) -> Iterator[_Message]:
+    if isinstance(record, Estimates):
+        return iter(())
+    poses = sorted(scene.transforms(record.sensors, record.meta.frame))
+    drawn = _named("/sensors/scene", "foxglove.SceneUpdate", scene.sensors(record.sensors))
+    return merge(_named("/tf", "foxglove.FrameTransform", poses), drawn)
 
 
 def write(record: Recording | Estimates, target: Path | IO[bytes]) -> None:
     """Write ``record`` whole."""
+    writer: EstimatesWriter | RecordingWriter
     if isinstance(record, Estimates):
         writer = EstimatesWriter(target)
-        writer.append(record)
-        writer.close(record.meta, record.recording)
+        try:
+            writer.append(record)
+            writer.close(record.meta, record.recording)
+        finally:
+            writer.abort()
         return
-    file = _File(target)
+    writer = RecordingWriter(target)
     try:
-        tokens, provenance = _write_recording(file, record)
-        file.finish(tokens, {"": provenance})
+        writer.append(record)
+        writer.close(record.meta)
     finally:
-        file.close()
+        writer.abort()
 
 
-def _write_recording(file: _File, record: Recording) -> tuple[dict[str, str], str]:
-    section = _Section(file, record)
-    for time_ns, *_, topic, schema, data in section.messages(record):
-        file.add(time_ns, topic, schema, data)
-    provenance = layout.to_tree(record)["provenance"]
-    return section.tokens(provenance), provenance
+class RecordingWriter:
+    """Writes a recording window by window of time."""
+
+    def __init__(self, target: Path | IO[bytes]) -> None:
+        self._file = _File(target)
+        self._section: _Section | None = None
+
+    def append(self, window: Recording) -> None:
+        """Take the next scans and truth; sensors and models are those of the first window."""
+        if self._section is None:
+            self._section = _Section(self._file, window)
+        self._file.take(self._section.messages(window))
+
+    def close(self, meta: Meta) -> None:
+        """Finish the file with its ``meta``."""
+        try:
+            assert self._section is not None, "nothing was appended"
+            self._file.take(self._section.rest())
+            provenance = layout.provenance(meta)
+            self._file.finish(self._section.tokens(provenance), {"": provenance})
+        finally:
+            self.abort()
+
+    def abort(self) -> None:
+        """Close the file as it is."""
+        self._file.close()
 
 
 class EstimatesWriter:
@@ -237,17 +305,20 @@ class EstimatesWriter:
         estimates = replace(estimates, recording=None)
         if self._section is None:
             self._section = _Section(self._file, estimates)
-        for time_ns, *_, topic, schema, data in self._section.messages(estimates):
-            self._file.add(time_ns, topic, schema, data)
+        self._file.take(self._section.messages(estimates))
 
     def close(self, meta: Meta, recording: Recording | None = None) -> None:
         """Finish the file with its provenance and the recording that travels along, if any."""
         try:
             assert self._section is not None, "nothing was appended"
-            provenance = {"": json.dumps(meta.provenance, sort_keys=True, allow_nan=False)}
+            provenance = {"": layout.provenance(meta)}
             tokens = self._section.tokens(provenance[""])
             if recording is not None:
-                carried, provenance["recording"] = _write_recording(self._file, recording)
+                section = _Section(self._file, recording)
+                self._file.take(section.messages(recording))
+                self._file.take(section.rest())
+                provenance["recording"] = layout.provenance(recording.meta)
+                carried = section.tokens(provenance["recording"])
                 tokens |= {f"recording/{path}": token for path, token in carried.items()}
             self._file.finish(tokens, provenance)
         finally:
@@ -256,3 +327,17 @@ class EstimatesWriter:
     def abort(self) -> None:
         """Close the file as it is."""
         self._file.close()
+
+
+def doubts(path: Path) -> Iterator[tuple[str, str]]:
+    """Places in a sound file, and what is strange there; see :mod:`.mcap_strict`."""
+    from .mcap_strict import doubts
+
+    return doubts(path)
+
+
+def rescue(path: Path) -> Rescue:
+    """What can be had of a damaged file; see :mod:`.mcap_rescue`."""
+    from .mcap_rescue import Rescue
+
+    return Rescue(path)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
@@ -13,8 +14,7 @@ import numpy as np
 import zstandard
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, Chunk, Message, Metadata
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Attachment, Channel, Message, Metadata
 
 from ..models.checks import check, check_stream
 from ..models.columns import COLUMNS
@@ -22,15 +22,15 @@ from ..models.errors import FormatError
 from ..models.records import Estimates, Recording, Scan
 from . import layout
 from . import tree as trees
+from .mcap_records import MESSAGE, Records
 from .tables import Table, tables
 from .tree import ArrayToken, Leaf, Tree
 
 HEADER, TRAILER = "echoset/header.json", "echoset"
-_LIMIT = 1 << 28
-"""Bytes that one record or chunk may have, compressed or not."""
+_NUMBERS = re.compile(r"[<|]?([iu][1248]|f[48]|b1)")
 _WINDOW = 256
 
-_ERRORS = (
+ERRORS = (
     OSError,
     McapError,
     struct.error,
@@ -47,26 +47,31 @@ _ERRORS = (
 )
 
 
-class _Section:
+class Section:
     """One record being read: what its messages brought so far, and the tokens of it."""
 
-    def __init__(self, header: dict[str, Any], keep: bool) -> None:
-        self.keep = keep
+    def __init__(self, header: dict[str, Any], keep: bool, scans: bool = True) -> None:
+        self._keep = keep, keep and scans
+        self.estimator = str(header["estimator"])
         self.small: dict[str, Leaf] = {p: _from_json(v) for p, v in header["leaves"].items()}
-        types = {str(p): (str(t), tuple(shape)) for p, (t, shape) in header["columns"].items()}
-        tree = {**trees.unflatten(self.small), "estimator": header["estimator"]}
+        types = {
+            str(p): (_dtype(t).str.lstrip("<|"), tuple(shape))
+            for p, (t, shape) in header["columns"].items()
+        }
+        tree = {**trees.unflatten(self.small), "estimator": self.estimator}
         self.tables = {table.topic: table for table in tables(tree, types)}
         self.empty = {p: np.zeros((0, *shape), dtype) for p, (dtype, shape) in types.items()}
         self._parts: dict[str, list[Any]] = {p: [] for p in types}
         self._tokens: dict[str, ArrayToken] = {p: ArrayToken() for p in types}
         self._rows: dict[str, int] = {}
         for path, empty in self.empty.items():
-            first = path.endswith("/row_offset")
-            self._take(path, np.zeros(1, np.int64) if first else empty)
+            first = np.zeros(1, np.int64) if path.endswith("/row_offset") else empty
+            self._tokens[path].update(first)
+            self._parts[path].append(first)
 
     def _take(self, path: str, part: Any) -> None:
         self._tokens[path].update(part)
-        if self.keep:
+        if self._keep[path.startswith("streams/")]:
             self._parts[path].append(part)
 
     def feed(self, table: Table, message: Message) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -90,8 +95,13 @@ class _Section:
         return {**trees.tokens(self.small), **{p: str(t) for p, t in self._tokens.items()}}
 
     def leaves(self) -> dict[str, Leaf]:
-        """All leaves but the provenance."""
+        """All leaves but the provenance, of the messages since the last call."""
         arrays = {p: np.concatenate(parts) for p, parts in self._parts.items()}
+        for path, values in arrays.items():
+            first = path.endswith("/row_offset")
+            self._parts[path] = [values[-1:] if first else self.empty[path]]
+            if first:
+                arrays[path] = values - values[0]
         return {**self.small, **arrays}
 
     def setup(self, path: object) -> Recording:
@@ -109,79 +119,85 @@ class _Section:
 
 def _from_json(value: Any) -> Leaf:
     if isinstance(value, dict):
-        return np.array(value["data"], value["dtype"]).reshape(value["shape"])
+        return np.array(value["data"], _dtype(value["dtype"])).reshape(value["shape"])
     return tuple(value) if isinstance(value, list) else value
 
 
-class _Pass:
-    """One pass over a file: yields (section, table, message), then verifies the whole."""
+class Pass:
+    """One pass over a file: yields (section, table, message), then verifies the whole.
 
-    def __init__(self, source: IO[bytes], path: object, keep: bool) -> None:
-        self.path, self.keep = path, keep
-        self.sections: list[_Section] = []
+    ``keep`` numbers the sections whose content is kept.
+    """
+
+    def __init__(
+        self, source: IO[bytes], path: object, keep: Container[int], scans: bool = True
+    ) -> None:
+        self.path, self._keep, self._scans = path, keep, scans
+        self.sections: list[Section] = []
         self.trailer: dict[str, str] = {}
-        self._file = source
+        self.records = Records(source)
         self._channels: dict[int, str] = {}
 
-    def messages(self) -> Iterator[tuple[_Section, Table, Message]]:
+    def messages(self) -> Iterator[tuple[Section, Table, Message]]:
         """The messages that carry content.
 
         Raises
         ------
         FormatError : damage, wherever it shows; at the end at the latest
         """
-        where = "start of file"
+        records, where = self.records, ""
         try:
-            reader = StreamReader(
-                self._file, emit_chunks=True, validate_crcs=True, record_size_limit=_LIMIT
-            )
-            for record in self._records(reader):
+            for record in records:
                 if isinstance(record, Message):
                     where = self._channels[record.channel_id]
                     for section in self.sections:
                         if where in section.tables:
                             yield section, section.tables[where], record
                             break
-            where = "end of file"
-            if self._file.read(1):
-                raise ValueError("data after the end")
+                    where = ""
+                else:
+                    self._note(record)
+            where = TRAILER
             self._verify()
-        except _ERRORS as error:
-            raise FormatError(self.path, where, _reason(error)) from error
+        except ERRORS as error:
+            place = where or f"byte {records.offset}"
+            raise FormatError(self.path, place, reason(error)) from error
 
-    def _records(self, reader: StreamReader) -> Iterator[Any]:
-        for record in reader.records:
-            for part in _open_chunk(record) if isinstance(record, Chunk) else [record]:
-                if isinstance(part, Channel):
-                    self._channels[part.id] = part.topic
-                elif isinstance(part, Attachment) and part.name == HEADER:
-                    self.sections.append(_Section(json.loads(part.data), self.keep))
-                elif isinstance(part, Metadata) and part.name == TRAILER:
-                    self.trailer = part.metadata
-                yield part
+    def _note(self, record: Channel | Attachment | Metadata) -> None:
+        if isinstance(record, Channel):
+            self._channels[record.id] = record.topic
+        elif isinstance(record, Attachment) and record.name == HEADER:
+            if len(self.sections) == 2:
+                raise ValueError("more than two records in one file")
+            keep = len(self.sections) in self._keep
+            self.sections.append(Section(value(record.data), keep, self._scans))
+        elif isinstance(record, Metadata) and record.name == TRAILER:
+            self.trailer = record.metadata
 
     def _verify(self) -> None:
         if not self.sections or not self.trailer:
             raise ValueError("not a file of echoset")
         if int(self.trailer["format_version"]) != layout.FORMAT_VERSION:
             raise ValueError(f"format version {self.trailer['format_version']} is not known here")
-        provenance = json.loads(self.trailer["provenance"])
+        provenance = value(self.trailer["provenance"])
         tokens = {
             **self.sections[0].tokens(),
             **{p.lstrip("/"): trees.token(v) for p, v in _provenance_paths(provenance).items()},
         }
         for section in self.sections[1:]:
             tokens |= {f"recording/{p}": t for p, t in section.tokens().items()}
-        stored = json.loads(self.trailer["tokens"])
+        stored = value(self.trailer["tokens"])
         for path in sorted(stored.keys() | tokens.keys()):
             if stored.get(path) != tokens.get(path):
                 raise ValueError(f"{path} does not fit its digest")
         if trees.digest(tokens) != self.trailer["content_digest"]:
             raise ValueError("content digest does not fit the content")
+        if self.trailer["observed_digest"] != trees.observed_digest(tokens):
+            raise ValueError("the digest of what is observed does not fit the content")
 
     def record(self) -> Recording | Estimates:
         """The record, once all messages have passed."""
-        provenance = json.loads(self.trailer["provenance"])
+        provenance = value(self.trailer["provenance"])
         tree: Tree = trees.unflatten(self.sections[0].leaves())
         tree["provenance"] = provenance[""]
         for section in self.sections[1:]:
@@ -194,22 +210,28 @@ def _provenance_paths(provenance: dict[str, str]) -> dict[str, str]:
     return {f"{section}/provenance": text for section, text in provenance.items()}
 
 
-def _open_chunk(chunk: Chunk) -> Iterator[Any]:
-    """The records of a chunk, unless it declares more than it may hold."""
-    declared = chunk.uncompressed_size
-    if chunk.compression == "zstd":
-        declared = max(declared, zstandard.get_frame_parameters(chunk.data).content_size)
-    if declared > _LIMIT:
-        raise ValueError(f"a chunk declares {declared} bytes")
-    yield from breakup_chunk(chunk, validate_crc=True)
+def value(text: str | bytes) -> Any:
+    """The value of a JSON text that is not too long to be decoded."""
+    if len(text) > MESSAGE:
+        raise ValueError(f"a text of {len(text)} characters")
+    return json.loads(text)
 
 
-def _reason(error: BaseException) -> str:
+def _dtype(text: object) -> np.dtype[Any]:
+    """A type of numbers."""
+    if not isinstance(text, str) or not _NUMBERS.fullmatch(text):
+        raise ValueError(f"{str(text)[:40]!r} is not a type of numbers")
+    return np.dtype(text)
+
+
+def reason(error: BaseException) -> str:
+    """What a library says of damage, on one line."""
     text = " ".join(str(error).split())
     return f"{type(error).__name__}: {text}" if not isinstance(error, ValueError) else text
 
 
-def _opened(source: Path | IO[bytes], path: object) -> IO[bytes]:
+def opened(source: Path | IO[bytes], path: object) -> IO[bytes]:
+    """The open file; FormatError if it cannot be opened."""
     try:
         return source.open("rb") if isinstance(source, Path) else source
     except OSError as error:
@@ -223,11 +245,11 @@ def read(source: Path | IO[bytes], path: object) -> Recording | Estimates:
     ------
     FormatError : the file is damaged, or holds something else
     """
-    file = _opened(source, path)
+    file = opened(source, path)
     try:
-        whole = _Pass(file, path, keep=True)
+        whole = Pass(file, path, keep=(0, 1))
         for section, table, message in whole.messages():
-            _decode(section, table, message, path)
+            decode(section, table, message, path)
         record = whole.record()
     finally:
         if isinstance(source, Path):
@@ -236,31 +258,37 @@ def read(source: Path | IO[bytes], path: object) -> Recording | Estimates:
     return record
 
 
-def _decode(section: _Section, table: Table, message: Message, path: object) -> Any:
+def decode(section: Section, table: Table, message: Message, path: object) -> Any:
+    """Scan values and rows of a message, taken in by its section.
+
+    Raises
+    ------
+    FormatError : it is damaged
+    """
     try:
         return section.feed(table, message)
-    except _ERRORS as error:
+    except ERRORS as error:
         where = f"{table.topic} at {message.log_time} ns"
-        raise FormatError(path, where, _reason(error)) from error
+        raise FormatError(path, where, reason(error)) from error
 
 
 def inspect(source: Path | IO[bytes], path: object) -> dict[str, Any]:
     """Digests, attributes and the shapes of all columns; reads the file without keeping it."""
-    file = _opened(source, path)
+    file = opened(source, path)
     try:
-        whole = _Pass(file, path, keep=False)
+        whole = Pass(file, path, keep=())
         for section, table, message in whole.messages():
-            _decode(section, table, message, path)
+            decode(section, table, message, path)
     finally:
         if isinstance(source, Path):
             file.close()
     shapes = {
         p: tuple(map(int, filter(None, t[t.index("[") + 1 : t.index("]")].split(","))))
-        for p, t in json.loads(whole.trailer["tokens"]).items()
+        for p, t in value(whole.trailer["tokens"]).items()
         if "[" in t.split(":")[0]
     }
     small = {p: v for p, v in whole.sections[0].small.items() if not isinstance(v, np.ndarray)}
-    provenance = json.loads(whole.trailer["provenance"])[""]
+    provenance = value(whole.trailer["provenance"])[""]
     digests = {k: whole.trailer[k] for k in ("format_version", "content_digest", "observed_digest")}
     return {**digests, **small, "provenance": provenance, "shapes": shapes}
 
@@ -268,9 +296,12 @@ def inspect(source: Path | IO[bytes], path: object) -> dict[str, Any]:
 class Source:
     """A recording that is read scan by scan."""
 
+    unit = "B"
+
     def __init__(self, source: Path | IO[bytes], path: object, keep: bool = False) -> None:
-        self._file, self._owned = _opened(source, path), isinstance(source, Path)
-        self._pass = _Pass(self._file, path, keep)
+        self._file, self._owned = opened(source, path), isinstance(source, Path)
+        self._kept = keep
+        self._pass = Pass(self._file, path, (0, 1) if keep else ())
         self._messages = self._pass.messages()
         try:
             self._first = next(self._messages, None)
@@ -287,6 +318,11 @@ class Source:
         """Digest of what estimators may see, known once all scans are out."""
         return self._pass.trailer["observed_digest"]
 
+    @property
+    def progress(self) -> tuple[int, int]:
+        """Bytes that were read, and that there are; 0 where nobody knows."""
+        return self._pass.records.progress
+
     def scans(self) -> Iterator[Scan]:
         """All scans in the order of the file, which is that of time."""
         window: list[Scan] = []
@@ -294,7 +330,7 @@ class Source:
         previous: dict[str, int] = {}
         while self._first is not None:
             section, table, message = self._first
-            scan, rows = _decode(section, table, message, self._pass.path)
+            scan, rows = decode(section, table, message, self._pass.path)
             if table.group.startswith("streams/"):
                 pending |= scan
                 if table.primary:
@@ -329,7 +365,7 @@ class Source:
 
     def recording(self) -> Recording | None:
         """The whole recording, truth included, where it was asked to be kept."""
-        if not self._pass.keep:
+        if not self._kept:
             return None
         record = self._pass.record()
         assert isinstance(record, Recording)

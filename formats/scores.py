@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from ..models.errors import FormatError, ParameterError
 from ..models.records import Scores
+from ..models.words import Words, words
 from .scores_text import COLUMNS, NAMES, NUMBERS, from_csv, from_json, json_object, to_csv, to_json
 
 SUFFIXES = {".csv": "csv", ".json": "json", ".h5": "h5", ".hdf5": "h5"}
@@ -35,11 +37,12 @@ def write(scores: Scores, target: Target, format: str) -> None:
     if format not in _WRITERS:
         raise ParameterError(f"scores are written as {', '.join(_WRITERS)}, not {format!r}")
     _check(scores, "scores")
-    data = _WRITERS[format](scores)
+    blocks = _WRITERS[format](scores)
     if isinstance(target, Path):
-        target.write_bytes(data)
+        with target.open("wb") as file:
+            file.writelines(blocks)
     else:
-        target.write(data)
+        target.writelines(blocks)
 
 
 def read(source: Target, path: object = None) -> Scores:
@@ -88,7 +91,7 @@ def _check(scores: Scores, path: object) -> None:
             raise FormatError(path, f"row {i + 1}, {column}", reason)
 
 
-def _to_h5(scores: Scores) -> bytes:
+def _to_h5(scores: Scores) -> Iterator[bytes]:
     from .hdf5 import TreeWriter
 
     data = io.BytesIO()
@@ -100,13 +103,15 @@ def _to_h5(scores: Scores) -> bytes:
         out.put("names", json.dumps(lists))
         for name in NAMES:
             index = {text: i for i, text in enumerate(lists[name])}
-            out.put(name, np.array([index[text] for text in getattr(scores, name)], np.int32))
+            runs = [(index[text], count) for text, count in words(getattr(scores, name)).runs()]
+            numbers, counts = np.array(runs, np.int64).reshape(-1, 2).T
+            out.put(name, np.repeat(numbers, counts).astype(np.int32))
         for name in NUMBERS:
             out.put(name, getattr(scores, name))
         out.close()
     finally:
         out.abort()
-    return data.getvalue()
+    yield data.getvalue()
 
 
 def _read_h5(data: bytes, path: object) -> Scores:
@@ -131,11 +136,11 @@ def _read_h5(data: bytes, path: object) -> Scores:
         raise FormatError(path, "", f"not a table of scores: {error}") from None
 
 
-def _named(names: list[str], index: np.ndarray[Any, Any]) -> tuple[str, ...]:
+def _named(names: list[str], index: np.ndarray[Any, Any]) -> Words:
     """The names at ``index`` (m,)."""
     if index.dtype != np.int32 or index.min(initial=0) < 0:
         raise ValueError("names are not given by indices")
-    return tuple(str(names[i]) for i in index)
+    return words(str(names[i]) for i in index)
 
 
 _WRITERS = {"csv": to_csv, "json": to_json, "h5": _to_h5}

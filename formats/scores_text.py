@@ -8,12 +8,15 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from typing import Any, NoReturn
 
 import numpy as np
 
 from ..models.errors import FormatError
 from ..models.records import Scores
+from ..models.words import words
+from .plain_json import parse
 
 NAMES = ("recording", "estimator", "metric", "part")
 NUMBERS = ("time", "value", "n", "stderr")
@@ -22,17 +25,21 @@ COLUMNS = (*NAMES, *NUMBERS)
 _COMMENT = "# provenance: "
 _INTEGER = re.compile(r"\d{1,18}", re.ASCII)
 _FLOAT = re.compile(r"-?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_BLOCK = 1 << 14
 _LARGEST = float(np.finfo(float).max)
 
 
-def _rows(scores: Scores) -> Iterator[tuple[Any, ...]]:
-    """The rows as Python values, None for NaN."""
-    times, errors = (
-        [None if math.isnan(x) else x for x in column.tolist()]
-        for column in (scores.time, scores.stderr)
-    )
-    names = (getattr(scores, name) for name in NAMES)
-    return zip(*names, times, scores.value.tolist(), scores.n.tolist(), errors, strict=True)
+def _rows(scores: Scores) -> Iterator[list[tuple[Any, ...]]]:
+    """The rows as Python values, None for NaN, in blocks."""
+    names = [iter(getattr(scores, name)) for name in NAMES]
+    for start in range(0, len(scores), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        times, errors = (
+            [None if math.isnan(x) else x for x in column[part].tolist()]
+            for column in (scores.time, scores.stderr)
+        )
+        numbers = times, scores.value[part].tolist(), scores.n[part].tolist(), errors
+        yield list(zip(*(islice(n, _BLOCK) for n in names), *numbers, strict=True))
 
 
 def _table(rows: Iterable[tuple[Any, ...]], provenance: dict[str, Any]) -> Scores:
@@ -41,20 +48,24 @@ def _table(rows: Iterable[tuple[Any, ...]], provenance: dict[str, Any]) -> Score
     time, value, stderr = (
         np.array([math.nan if x is None else x for x in columns[i]], float) for i in (4, 5, 7)
     )
-    recording, estimator, metric, part = columns[:4]
+    recording, estimator, metric, part = map(words, columns[:4])
     n = np.array(columns[6], np.int64)
     return Scores(recording, estimator, metric, part, time, value, n, stderr, provenance)
 
 
-def to_csv(scores: Scores) -> bytes:
+def to_csv(scores: Scores) -> Iterator[bytes]:
     """The table with its provenance in a comment; NaN is empty."""
     text = io.StringIO()
     if scores.provenance:
         text.write(_COMMENT + json.dumps(scores.provenance, sort_keys=True, allow_nan=False) + "\n")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    writer.writerows(_rows(scores))
-    return text.getvalue().encode()
+    for block in _rows(scores):
+        writer.writerows(block)
+        yield text.getvalue().encode()
+        text.seek(0)
+        text.truncate()
+    yield text.getvalue().encode()
 
 
 def from_csv(text: str, path: object) -> Scores:
@@ -91,25 +102,21 @@ def from_csv(text: str, path: object) -> Scores:
     return _table(rows, provenance)
 
 
-def to_json(scores: Scores) -> bytes:
+def to_json(scores: Scores) -> Iterator[bytes]:
     """An object of provenance and scores, one row a line; NaN is null."""
-    lines = (json.dumps(dict(zip(COLUMNS, row, strict=True))) for row in _rows(scores))
     provenance = json.dumps(scores.provenance, sort_keys=True, allow_nan=False)
-    return (f'{{"provenance": {provenance}, "scores": [\n' + ",\n".join(lines) + "\n]}\n").encode()
+    yield f'{{"provenance": {provenance}, "scores": [\n'.encode()
+    comma = ""
+    for block in _rows(scores):
+        lines = (json.dumps(dict(zip(COLUMNS, row, strict=True))) for row in block)
+        yield (comma + ",\n".join(lines)).encode()
+        comma = ",\n"
+    yield b"\n]}\n"
 
 
 def json_object(text: str, path: object) -> dict[str, Any]:
     """The JSON object that ``text`` is."""
-
-    def refuse(constant: str) -> NoReturn:
-        raise ValueError(f"{constant} is not JSON")
-
-    try:
-        value = json.loads(text, parse_constant=refuse)
-    except json.JSONDecodeError as error:
-        raise FormatError(path, f"line {error.lineno}", f"not JSON: {error.msg}") from None
-    except (ValueError, RecursionError) as error:
-        raise FormatError(path, "", f"not JSON: {error}") from None
+    value = parse(text, path)
     if not isinstance(value, dict):
         raise FormatError(path, "line 1", "not a JSON object")
     return value

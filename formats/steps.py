@@ -1,14 +1,17 @@
-"""Gathers estimates of single steps into windows, so that files grow in blocks."""
+"""Records in windows of consecutive steps, so that files grow and are read in blocks."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..models.records import Estimates, Objects
+from ..models.records import Array, Estimates, Objects, Recording, Truth
+
+WINDOW = 1024
+"""Scans or steps that are read or written at once."""
 
 _PER_STEP = ("time_ns",)
 _PER_OBJECT = (
@@ -50,36 +53,77 @@ def concatenate(parts: Sequence[Estimates]) -> Estimates:
     """Estimates of consecutive steps as one record."""
     if len(parts) == 1:
         return parts[0]
-    objects = [p.objects for p in parts]
-    first = objects[0]
-    offsets = [np.zeros(1, np.int64), *(np.diff(o.row_offset) for o in objects)]
-    columns: dict[str, Any] = {
-        name: None
-        if getattr(first, name) is None
-        else np.concatenate([getattr(o, name) for o in objects])
-        for name in (*_PER_STEP, *_PER_OBJECT)
-    }
-    return replace(
-        parts[0],
-        objects=replace(first, row_offset=np.cumsum(np.concatenate(offsets)), **columns),
-        steps={k: np.concatenate([p.steps[k] for p in parts]) for k in parts[0].steps},
-    )
+    steps = {k: np.concatenate([p.steps[k] for p in parts]) for k in parts[0].steps}
+    return replace(parts[0], objects=join([p.objects for p in parts]), steps=steps)
 
 
 def part(whole: Estimates, start: int, stop: int) -> Estimates:
     """The steps ``start:stop`` as a record of their own."""
-    o: Objects = whole.objects
+    steps = {k: v[start:stop] for k, v in whole.steps.items()}
+    return replace(whole, objects=cut(whole.objects, start, stop), steps=steps)
+
+
+def join(parts: Sequence[Objects]) -> Objects:
+    """Objects of consecutive times as one record."""
+    if len(parts) == 1:
+        return parts[0]
+    first = parts[0]
+    offsets = [np.zeros(1, np.int64), *(np.diff(o.row_offset) for o in parts)]
+    columns: dict[str, Any] = {
+        name: None
+        if getattr(first, name) is None
+        else np.concatenate([getattr(o, name) for o in parts])
+        for name in (*_PER_STEP, *_PER_OBJECT)
+    }
+    return replace(first, row_offset=np.cumsum(np.concatenate(offsets)), **columns)
+
+
+def cut(o: Objects, start: int, stop: int) -> Objects:
+    """The objects of the times ``start:stop`` as a record of their own."""
     rows = slice(o.row_offset[start], o.row_offset[stop])
     columns: dict[str, Any] = {
         name: None if getattr(o, name) is None else getattr(o, name)[rows] for name in _PER_OBJECT
     }
     return replace(
-        whole,
-        objects=replace(
-            o,
-            time_ns=o.time_ns[start:stop],
-            row_offset=o.row_offset[start : stop + 1] - o.row_offset[start],
-            **columns,
-        ),
-        steps={k: v[start:stop] for k, v in whole.steps.items()},
+        o,
+        time_ns=o.time_ns[start:stop],
+        row_offset=o.row_offset[start : stop + 1] - o.row_offset[start],
+        **columns,
     )
+
+
+def windows(whole: Recording) -> Iterator[Recording]:
+    """The recording in windows of time, one at least."""
+    truth = whole.truth
+    times = [s.time_ns for s in whole.streams.values()]
+    if truth is not None:
+        times += [truth.objects.time_ns, truth.blocked_time_ns]
+    for first, last in spans(times):
+        streams = {
+            name: s.part(*np.searchsorted(s.time_ns, (first, last)))
+            for name, s in whole.streams.items()
+        }
+        window = replace(whole, streams=streams)
+        if truth is not None:
+            b = slice(*np.searchsorted(truth.blocked_time_ns, (first, last)))
+            objects = cut(
+                truth.objects, *np.searchsorted(truth.objects.time_ns, (first, last)).tolist()
+            )
+            links = (truth.blocked_time_ns, truth.blocked_tx, truth.blocked_rx)
+            window = replace(window, truth=Truth(objects, *(column[b] for column in links)))
+        yield window
+
+
+def spans(times: Iterable[Array]) -> Iterator[tuple[int, int]]:
+    """First time and the time behind the last [ns] of windows of tables with these ``times``.
+
+    A window ends as soon as it has :data:`WINDOW` entries, all those of one time in it.
+    """
+    merged = np.sort(np.concatenate([np.zeros(0, np.int64), *times]))
+    start = 0
+    while start + WINDOW < len(merged):
+        last = int(merged[start + WINDOW - 1])
+        yield int(merged[start]), last + 1
+        start = int(np.searchsorted(merged, last, "right"))
+    if start < len(merged) or not start:
+        yield (int(merged[start]), int(merged[-1]) + 1) if len(merged) else (0, 0)

@@ -57,7 +57,7 @@ def read_text(path: Path) -> TextFile:
         line = list(map(len, lines)).index(longest) + 1
         raise FormatError(path, f"line {line}", f"is longer than {LONGEST_LINE} characters")
     if not text.strip():
-        raise FormatError(path, "", "the file is empty")
+        raise FormatError(path, "line 1", "the file is empty")
     return TextFile(path, lines, hashlib.sha256(data).hexdigest())
 
 
@@ -66,20 +66,26 @@ Fail = Callable[[int, str], NoReturn]
 
 
 def numbers(fields: Sequence[str], fail: Fail, missing: bool = False) -> Array:
-    """The fields of one column as finite float64; empty ones are NaN if ``missing``."""
+    """The fields of one column as finite float64; empty ones are NaN if ``missing``.
+
+    Digits are those of ASCII, and nothing stands between them.
+    """
+    text = "".join(fields)
     try:
+        if "_" in text or not text.isascii():
+            raise ValueError
         values = np.fromiter(map(float, fields), np.float64, len(fields))
     except ValueError:
-        values = np.fromiter((_number(f, missing) for f in fields), np.float64, len(fields))
+        values = np.fromiter(map(_number, fields), np.float64, len(fields))
     for index in np.flatnonzero(~np.isfinite(values)).tolist():
         if not (missing and not fields[index].strip()):
             fail(index, _reason(fields[index]))
     return values
 
 
-def _number(field: str, missing: bool) -> float:
+def _number(field: str) -> float:
     try:
-        return float(field)
+        return math.nan if "_" in field or not field.isascii() else float(field)
     except ValueError:
         return math.nan
 

@@ -89,9 +89,17 @@ def is_observed(path: str) -> bool:
     top, *rest = path.split("/")
     if top in ("truth", "provenance", "kind"):
         return False
-    return not (top == "streams" and rest[1:2] == ["rows"] and COLUMNS[rest[2]].evaluation)
+    column = COLUMNS.get(rest[-1]) if top == "streams" and rest[1:2] == ["rows"] else None
+    return column is None or not column.evaluation
 
 
 def observed(paths: Iterable[str]) -> list[str]:
     """Those of ``paths`` that an estimator may see."""
     return [p for p in paths if is_observed(p)]
+
+
+def observed_digest(tokens: Mapping[str, str]) -> str:
+    """Digest of what an estimator may see of a recording; empty for any other record."""
+    if tokens["kind"] != token("recording"):
+        return ""
+    return digest({p: tokens[p] for p in observed(tokens)})

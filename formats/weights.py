@@ -6,6 +6,9 @@ archive says before memory is taken; nothing is unpickled.
 
 from __future__ import annotations
 
+import io
+import re
+import struct
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -20,7 +23,23 @@ from ..models.records import Array
 from .atomic import atomic
 
 OPTIONAL = ("mean", "std")
-_DAMAGE = (EOFError, KeyError, NotImplementedError, RuntimeError, ValueError, ZlibError)
+_DAMAGE = (
+    EOFError,
+    LookupError,
+    NotImplementedError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    ZlibError,
+    struct.error,
+)
+_LARGEST = 1 << 24
+_HEADER = re.compile(
+    rb"\{'descr': '([<>|=]?[a-zA-Z]\d{0,3})', 'fortran_order': (True|False), "
+    rb"'shape': \(((?:\d{1,18}(?:, ?)?)*)\),? *\}\s*"
+)
+"""The header that NumPy writes, read without its evaluation of Python."""
 
 
 def read(path: Path) -> Weights:
@@ -32,14 +51,19 @@ def read(path: Path) -> Weights:
         another shape or type, or not finite
     """
     try:
-        with zipfile.ZipFile(path) as archive:
+        data = path.read_bytes() if path.stat().st_size <= _LARGEST else b""
+    except OSError as error:
+        raise FormatError(path, "", f"no weights: {error.strerror or error}") from error
+    if not data:
+        raise FormatError(path, "size", f"no weights: not between 1 and {_LARGEST} bytes")
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
             inside = {name.removesuffix(".npy") for name in archive.namelist()}
             names = [name for name in SHAPES if name in inside or name not in OPTIONAL]
             arrays = {name: _array(archive, path, name) for name in names}
-    except OSError as error:
-        raise FormatError(path, "", f"no weights: {error.strerror or error}") from error
-    except zipfile.BadZipFile as error:
-        raise FormatError(path, "", "no weights: is not a sound NumPy archive (.npz)") from error
+    except (zipfile.BadZipFile, *_DAMAGE) as error:
+        reason = "no weights: is not a sound NumPy archive (.npz)"
+        raise FormatError(path, "central directory", reason) from error
     if arrays.get("std", np.ones(())) <= 0:
         raise FormatError(path, "std", f"{arrays['std'].item()!r} is not positive")
     return Weights.of(arrays)
@@ -64,17 +88,23 @@ def _array(archive: zipfile.ZipFile, path: Path, name: str) -> Array:
         with archive.open(f"{name}.npy") as file:
             if npy.read_magic(file) != (1, 0):
                 raise FormatError(path, name, "is not of version 1.0 of the NumPy format")
-            shape, fortran, dtype = npy.read_array_header_1_0(file)
+            header = _HEADER.fullmatch(file.read(int.from_bytes(file.read(2), "little")))
+            if header is None:
+                raise FormatError(path, name, "has no header of the NumPy format")
+            dtype, fortran = np.dtype(header[1].decode()), header[2] == b"True"
+            shape = tuple(int(n) for n in header[3].split(b",") if n.strip())
             if dtype != np.dtype("<f4"):
                 raise FormatError(path, name, f"has type {dtype}, needs float32")
             if shape != wanted or fortran:
                 order = " in the order of Fortran" if fortran else ""
                 raise FormatError(path, name, f"has shape {shape}{order}, needs {wanted}")
             data = file.read(int(np.prod(wanted)) * dtype.itemsize)
+            if file.read(1):
+                raise FormatError(path, name, "is longer than its shape")
         a = np.frombuffer(data, dtype).reshape(wanted).copy()
     except KeyError as error:
         raise FormatError(path, name, "is missing") from error
-    except _DAMAGE as error:
+    except (zipfile.BadZipFile, *_DAMAGE) as error:
         raise FormatError(path, name, "is damaged") from error
     if not np.isfinite(a).all():
         raise FormatError(path, name, "is not finite")

@@ -19,13 +19,14 @@ from ..models.errors import InputError
 from ..models.parameters import parameter
 from ..models.records import Estimates, Objects, Recording, Scores
 from .assignment import assign
+from .measured import Measured, Names, scorer
 from .series import Distance, mean_stderr
-from .sets import sets
+from .sets import align
 from .table import concatenate, rows
 
 SUMMARY = "share of rightly classified objects, and the confusion matrix"
 PARTS = ()
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = True
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
@@ -38,43 +39,57 @@ class Params(Distance):
     cutoff: float = parameter(5.0, "m", "gate: no pair this far apart is assigned")
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """Accuracy per step and over all, confusion, and the numbers that were not assigned.
+def measure(estimates: Estimates, recording: Recording, params: Params) -> Measured:
+    """Per step the assigned, the right, the missed and the false; per class pair how often.
 
     Raises
     ------
-    InputError : no truth, no positions in common, no classes, or nothing to score
+    InputError : no truth, no positions in common, or no classes
     """
-    aligned = sets(estimates, recording, params)
+    aligned = align(estimates, recording, params)
     truth, estimate = aligned.truth, aligned.estimate
     known = truth.class_names
     true, said = _index(truth, known, "the truth"), _index(estimate, known, "the estimates")
     pairs = aligned.near(params.cutoff)
     chosen = assign(pairs, params.cutoff**params.order - pairs.distance**params.order)
     step, a, b = pairs.step[chosen], true[pairs.first[chosen]], said[pairs.second[chosen]]
-    names = recording.meta.name, estimates.estimator
-
     n = len(aligned)
     assigned, right = np.bincount(step, minlength=n), np.bincount(step[a == b], minlength=n)
+    missed, false = (count - assigned for count in aligned.counts)
+    values = {"assigned": assigned, "right": right, "missed": missed, "false": false}
+    names = np.array([*known, "other"], object)
+    lists = {"true": names[a], "said": names[b], "known": names[:-1]}
+    return Measured(aligned.time, values, aligned.left_out, lists)
+
+
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """Accuracy per step and over all, confusion, and the numbers that were not assigned."""
+    assigned, right = measured.values["assigned"], measured.values["right"]
+    true, said = measured.lists["true"], measured.lists["said"]
     some = assigned > 0
     share = right[some] / assigned[some]
     key = (*names, "accuracy", "")
-    tables = [rows(key, aligned.time[some], share, assigned[some])]
-    if len(chosen):
+    tables = [rows(key, measured.time[some], share, assigned[some])]
+    if len(true):
         spread = mean_stderr(share, params.block)
-        tables.append(rows(key, np.nan, right.sum() / len(chosen), len(chosen), spread))
-    for i, class_ in enumerate(known):
-        of_class = a == i
-        for j, other in enumerate((*known, "other")):
-            hits = int((of_class & (b == (j if j < len(known) else -1))).sum())
-            if of_class.any() and (j < len(known) or hits):
+        tables.append(rows(key, np.nan, right.sum() / len(true), len(true), spread))
+    known = list(dict.fromkeys(measured.lists["known"]))
+    for class_ in known:
+        of_class = true == class_
+        for other in (*known, "other"):
+            hits = int((of_class & (said == other)).sum())
+            if of_class.any() and (other != "other" or hits):
                 where = (*names, "confusion", f"{class_}:{other}")
                 tables.append(rows(where, np.nan, hits / of_class.sum(), int(of_class.sum())))
-    for part, count in zip(("missed", "false"), aligned.counts, strict=True):
-        left = count - assigned
+    for part in ("missed", "false"):
+        left = measured.values[part]
         where = (*names, "accuracy-unassigned", part)
-        tables.append(rows(where, np.nan, left.mean(), n, mean_stderr(left, params.block)))
+        spread = mean_stderr(left, params.block)
+        tables.append(rows(where, np.nan, left.mean(), len(left), spread))
     return concatenate(tables)
+
+
+score = scorer(measure, summarise)
 
 
 def _index(objects: Objects, names: tuple[str, ...], who: str) -> Array:

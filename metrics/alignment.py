@@ -66,27 +66,47 @@ def seconds(time_ns: Array) -> Array:
 
 
 def pairs(estimates: Estimates, recording: Recording, window: Window) -> Pairs:
-    """The scored steps of ``estimates`` beside the truth of ``recording``.
+    """The scored steps of ``estimates`` beside the truth of ``recording``, one at least.
 
     Raises
     ------
     InputError : no truth, several objects where one is scored, or nothing left to score
+    """
+    aligned = pair_up(estimates, recording, window)
+    if not len(aligned.time):
+        raise InputError(f"{recording.meta.name}: no step to be scored has truth and estimate")
+    return aligned
+
+
+def pair_up(estimates: Estimates, recording: Recording, window: Window) -> Pairs:
+    """The scored steps of ``estimates`` beside the truth of ``recording``, perhaps none.
+
+    Raises
+    ------
+    InputError : no truth, or several objects where one is scored
     """
     objects = estimates.objects
     count = np.diff(objects.row_offset)
     if count.max(initial=0) > 1:
         raise InputError(f"{estimates.meta.name}: a step with several objects, one can be scored")
     inside = window.contains(objects.time_ns)
+    if recording.truth is not None and not _has(recording.truth.objects, window.object):
+        none, time = np.zeros(0, np.int64), objects.time_ns[:0]
+        empty = take(objects, none, time), take(recording.truth.objects, none, time)
+        return Pairs(seconds(time), *empty, int(inside.sum()))
     truth, known = interpolate(recording, objects.time_ns, window)
     scored = inside & known & (count == 1)
-    if not scored.any():
-        raise InputError(f"{recording.meta.name}: no step to be scored has truth and estimate")
     return Pairs(
         seconds(objects.time_ns[scored]),
         take(objects, objects.row_offset[:-1][scored], objects.time_ns[scored]),
         take(truth, np.flatnonzero(scored), objects.time_ns[scored]),
         int((inside & ~scored).sum()),
     )
+
+
+def _has(truth: Objects, label: int) -> bool:
+    """Whether the object, or for -1 any, is there at some time."""
+    return len(truth.label) > 0 if label < 0 else bool((truth.label == label).any())
 
 
 def take(objects: Objects, rows: Array, time_ns: Array) -> Objects:

@@ -15,11 +15,12 @@ from ..models.errors import InputError
 from ..models.multibeam import BaseStation, capacity
 from ..models.parameters import parameter, resolve, sensor_model
 from ..models.records import Estimates, Recording, Scores
+from .measured import Measured, Names, scorer
 from .table import rows
 
 SUMMARY = "downlink capacity of base stations, some of which also sense"
 PARTS = ()
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = True
 QUADRATIC = ()
 
@@ -31,8 +32,8 @@ class Params:
     snr: float = parameter(8.1, "dB", "signal-to-noise ratio of all users, choice")
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """The capacity [bit s-1] with the stations that the estimator used; ``n`` is their number.
+def measure(estimates: Estimates, recording: Recording, params: Params) -> Measured:
+    """The capacity [bit s-1] with the stations that the estimator used, and their number.
 
     Raises
     ------
@@ -44,4 +45,14 @@ def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
     station = resolve(BaseStation, *sensor_model(recording, BaseStation))
     used = estimates.meta.provenance.get("parameters", {}).get("stations") or total
     value = capacity(station, used, total, 10 ** (params.snr / 10))
-    return rows((recording.meta.name, estimates.estimator, "capacity", ""), np.nan, value, used)
+    lists = {"capacity": np.array([value]), "stations": np.array([used])}
+    return Measured(estimates.objects.time_ns, {}, 0, lists)
+
+
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """The capacity [bit s-1]; ``n`` is the number of stations used."""
+    value, used = measured.lists["capacity"][0], measured.lists["stations"][0]
+    return rows((*names, "capacity", ""), np.nan, value, used)
+
+
+score = scorer(measure, summarise)

@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 
 from ..models.records import Estimates, Recording, Scores
+from .measured import Measured, Names, scorer
 from .series import Steps, mean_stderr, parts
-from .sets import sets
+from .sets import align
 from .table import concatenate, rows
 
 SUMMARY = "number of objects, true and estimated, and its error"
 PARTS = ("true", "estimated", "error", "mean", "mean-error")
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = True
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
@@ -31,21 +32,21 @@ class Params(Steps):
     """Which steps are scored."""
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """Numbers per step and their means, errors, and the number of steps left out.
-
-    Raises
-    ------
-    InputError : no truth, no positions in common, or nothing to score
-    """
-    aligned = sets(estimates, recording, params)
+def measure(estimates: Estimates, recording: Recording, params: Params) -> Measured:
+    """Numbers and errors per step."""
+    aligned = align(estimates, recording, params)
     true, estimated = aligned.counts
     values = {"true": true, "estimated": estimated, "error": estimated - true}
     if "cardinality_mean" in estimates.steps:
         mean = estimates.steps["cardinality_mean"][aligned.steps]
         values |= {"mean": mean, "mean-error": mean - true}
-    names = recording.meta.name, estimates.estimator
-    tables = [parts((*names, "cardinality"), aligned, values, params.block)]
+    return Measured(aligned.time, values, aligned.left_out)
+
+
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """Numbers per step and their means, errors, and the number of steps left out."""
+    values = measured.values
+    tables = [parts((*names, "cardinality"), measured, values, params.block)]
     for part in ("error", "mean-error"):
         if part in values:
             size = np.abs(values[part])
@@ -53,3 +54,6 @@ def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
             spread = mean_stderr(size, params.block)
             tables.append(rows(key, np.nan, size.mean(), len(size), spread))
     return concatenate(tables)
+
+
+score = scorer(measure, summarise)

@@ -13,14 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.parameters import parameter, require
-from ..models.records import Estimates, Recording, Scores
-from .alignment import Window, pairs
-from .errors import check_parts, chosen, error
+from ..models.records import Scores
+from .alignment import Window
+from .errors import check_parts, errors
+from .measured import Measured, Names, of_pairs, scorer
 from .table import concatenate, rows
 
 SUMMARY = "cumulative distribution of the position error over the steps"
 PARTS = ("device", "centre")
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = False
 QUADRATIC = ()
 GRID = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0)
@@ -43,18 +44,14 @@ class Params(Window):
         )
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """The fraction of steps whose error is at most each threshold.
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """The fraction of steps whose error is at most each threshold."""
+    return concatenate(
+        rows((*names, "cdf", f"{part}<={threshold:g}"), np.nan, np.mean(e <= threshold), len(e))
+        for part, e in measured.values.items()
+        for threshold in sorted(set(params.thresholds))
+    )
 
-    Raises
-    ------
-    InputError : no truth, several objects, a part that is missing, or nothing to score
-    """
-    aligned = pairs(estimates, recording, params)
-    tables = []
-    for part in chosen(params.parts, PARTS, aligned):
-        e = error(part, aligned)
-        for threshold in sorted(set(params.thresholds)):
-            key = (recording.meta.name, estimates.estimator, "cdf", f"{part}<={threshold:g}")
-            tables.append(rows(key, np.nan, np.mean(e <= threshold), len(e)))
-    return concatenate(tables)
+
+measure = of_pairs(lambda aligned, params: errors(params.parts, PARTS, aligned))
+score = scorer(measure, summarise)

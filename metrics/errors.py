@@ -64,3 +64,13 @@ def error(part: str, aligned: Pairs) -> Array:
         both = (aligned.estimate, aligned.truth)
         return gaussian_wasserstein(*map(shape_matrix, both))
     return np.asarray(np.linalg.norm(deviation(part, aligned), axis=1))
+
+
+def errors(asked: Sequence[str], known: Sequence[str], aligned: Pairs) -> dict[str, Array]:
+    """The :func:`error` (k,) of each of the :func:`chosen` parts.
+
+    Raises
+    ------
+    InputError : a part was asked for that truth or estimate lacks, or there is none at all
+    """
+    return {part: error(part, aligned) for part in chosen(asked, known, aligned)}

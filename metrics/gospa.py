@@ -19,15 +19,16 @@ from typing import Any
 
 import numpy as np
 
-from ..models.records import Estimates, Recording, Scores
+from ..models.records import Scores
 from .assignment import matched
+from .measured import Measured, Names, of_sets, scorer
 from .series import Distance, mean_stderr, parts
-from .sets import Sets, sets
+from .sets import Sets
 from .table import concatenate, rows
 
 SUMMARY = "GOSPA distance (alpha 2) between estimated and true positions, and its parts"
 PARTS = ("localisation", "missed", "false")
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = True
 QUADRATIC = ("gospa-rms",)
 Array = np.ndarray[Any, Any]
@@ -46,19 +47,15 @@ def gospa(aligned: Sets, order: float, cutoff: float) -> dict[str, Array]:
     return {k: v ** (1 / order) for k, v in zip(("", *PARTS), powers, strict=True)}
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """GOSPA [m] and its parts per step, their means and roots of mean squares.
-
-    Raises
-    ------
-    InputError : no truth, no positions in common, or nothing to score
-    """
-    aligned = sets(estimates, recording, params)
-    values = gospa(aligned, params.order, params.cutoff)
-    names = recording.meta.name, estimates.estimator
-    tables = [parts((*names, "gospa"), aligned, values, params.block)]
-    for part, v in values.items():
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """GOSPA [m] and its parts per step, their means and roots of mean squares."""
+    tables = [parts((*names, "gospa"), measured, measured.values, params.block)]
+    for part, v in measured.values.items():
         rms = np.sqrt(np.mean(v**2))
         spread = mean_stderr(v**2, params.block) / (2 * rms) if rms else np.nan
         tables.append(rows((*names, "gospa-rms", part), np.nan, rms, len(v), spread))
     return concatenate(tables)
+
+
+measure = of_sets(lambda aligned, params: gospa(aligned, params.order, params.cutoff))
+score = scorer(measure, summarise)

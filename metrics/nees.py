@@ -9,7 +9,7 @@ Estimation with Applications to Tracking and Navigation, 2001, section 5.4.2.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import gammaincinv
@@ -17,13 +17,14 @@ from scipy.special import gammaincinv
 from ..models.errors import InputError
 from ..models.parameters import parameter, require
 from ..models.records import Array, Estimates, Recording, Scores
-from .alignment import Pairs, Window, pairs
+from .alignment import Pairs, Window
 from .errors import axes, check_parts, chosen, deviation
+from .measured import Measured, Names, of_pairs, scorer
 from .table import concatenate, rows
 
 SUMMARY = "normalised estimation error squared of the position, and how often it is in its bounds"
 PARTS = ("device", "centre")
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = False
 QUADRATIC = ()
 
@@ -62,24 +63,35 @@ def nees(part: str, aligned: Pairs) -> Array:
         raise InputError(f"a covariance of the {part} is singular") from None
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """``nees`` per step and its mean, and ``nees-inside``, the fraction inside the bounds.
+def _values(aligned: Pairs, params: Params) -> dict[str, Array]:
+    return {part: nees(part, aligned) for part in chosen(params.parts, PARTS, aligned)}
+
+
+def measure(estimates: Estimates, recording: Recording, params: Params) -> Measured:
+    """``nees`` per step; lists the numbers of dimensions.
 
     Raises
     ------
-    InputError : no truth, no or a singular covariance, several objects, or nothing to score
+    InputError : no truth, no or a singular covariance, or several objects
     """
-    aligned = pairs(estimates, recording, params)
+    found = of_pairs(_values)(estimates, recording, params)
+    truth = [] if recording.truth is None else [recording.truth.objects]
+    count = {p: np.array([len(axes(p, estimates.objects, *truth))]) for p in found.values}
+    return replace(found, lists={**found.lists, **count})
+
+
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """``nees`` per step and its mean, and ``nees-inside``, the fraction inside the bounds."""
     tables = []
-    for part in chosen(params.parts, PARTS, aligned):
-        value = nees(part, aligned)
-        dx = len(axes(part, aligned.estimate, aligned.truth))
-        low, high = bounds(1, dx, params.probability)
+    for part, value in measured.values.items():
+        low, high = bounds(1, int(measured.lists[part][0]), params.probability)
         inside = np.mean((low <= value) & (value <= high))
-        key = recording.meta.name, estimates.estimator
         tables += [
-            rows((*key, "nees", part), aligned.time, value),
-            rows((*key, "nees", part), np.nan, value.mean(), len(value)),
-            rows((*key, "nees-inside", part), np.nan, inside, len(value)),
+            rows((*names, "nees", part), measured.time, value),
+            rows((*names, "nees", part), np.nan, value.mean(), len(value)),
+            rows((*names, "nees-inside", part), np.nan, inside, len(value)),
         ]
     return concatenate(tables)
+
+
+score = scorer(measure, summarise)

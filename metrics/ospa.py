@@ -17,14 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from ..models.records import Estimates, Recording, Scores
+from ..models.records import Scores
 from .assignment import matched
+from .measured import Measured, Names, of_sets, scorer
 from .series import Distance, parts
-from .sets import Sets, sets
+from .sets import Sets
 
 SUMMARY = "OSPA distance between estimated and true positions, and its parts"
 PARTS = ("localisation", "cardinality")
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = True
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
@@ -46,14 +47,10 @@ def ospa(aligned: Sets, order: float, cutoff: float) -> dict[str, Array]:
     return {k: v ** (1 / order) for k, v in zip(("", *PARTS), powers, strict=True)}
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """OSPA [m] and its parts per step, their means, and the number of steps left out.
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """The distance [m] and its parts per step, their means, and the number of steps left out."""
+    return parts((*names, "ospa"), measured, measured.values, params.block)
 
-    Raises
-    ------
-    InputError : no truth, no positions in common, or nothing to score
-    """
-    aligned = sets(estimates, recording, params)
-    values = ospa(aligned, params.order, params.cutoff)
-    key = (recording.meta.name, estimates.estimator, "ospa")
-    return parts(key, aligned, values, params.block)
+
+measure = of_sets(lambda aligned, params: ospa(aligned, params.order, params.cutoff))
+score = scorer(measure, summarise)

@@ -10,22 +10,27 @@ reaches back from its step, and is shorter at the start.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..models.parameters import parameter, require
-from ..models.records import Estimates, Objects, Recording, Scores
+from ..models.records import Estimates, Recording, Scores
 from .assignment import Near, assign
+from .measured import Measured, Names, scorer
 from .series import Distance, parts
-from .sets import Sets, sets
+from .sets import align
 
 SUMMARY = "OSPA(2) distance between estimated and true tracks over a sliding window"
 PARTS = ("localisation", "cardinality")
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = True
 QUADRATIC = ()
+_COUNTS = ("true", "estimated", "pairs")
+_BLOCK = 1024
+"""Steps whose tracks are compared together."""
 Array = np.ndarray[Any, Any]
 
 
@@ -40,76 +45,119 @@ class Params(Distance):
         require(self.window >= 1, "window", "at least 1", self.window)
 
 
-def ospa2(aligned: Sets, order: float, cutoff: float, window: int) -> dict[str, Array]:
+def measure(estimates: Estimates, recording: Recording, params: Params) -> Measured:
+    """Labels and near pairs: how many per step, and which.
+
+    Raises
+    ------
+    InputError : no truth, or no positions in common
+    """
+    aligned = align(estimates, recording, params)
+    near = aligned.near(params.cutoff)
+    true, estimated = aligned.truth.label, aligned.estimate.label
+    counts = (*aligned.counts, np.bincount(near.step, minlength=len(aligned)))
+    lists = {
+        "true": true,
+        "estimated": estimated,
+        "first": true[near.first],
+        "second": estimated[near.second],
+        "power": near.distance**params.order,
+    }
+    return Measured(aligned.time, dict(zip(_COUNTS, counts, strict=True)), aligned.left_out, lists)
+
+
+def ospa2(measured: Measured, order: float, cutoff: float, window: int) -> dict[str, Array]:
     """OSPA(2) (n,) [m] at each step, called ``""``, and its parts by name."""
-    pairs, counts = _tracks(aligned, order, cutoff, window)
-    chosen = assign(pairs, cutoff**order - pairs.distance)
-    step = pairs.step[chosen]
-    m, n = np.sort(counts, axis=0)
-    size = np.maximum(n, 1)
-    steps = len(aligned)
-    power = np.bincount(step, pairs.distance[chosen], steps)
-    localisation = (power + cutoff**order * (m - np.bincount(step, minlength=steps))) / size
-    cardinality = cutoff**order * (n - m) / size
+    n = len(measured)
+    offsets = [np.append(0, np.cumsum(measured.values[name])) for name in _COUNTS]
+    found = [
+        _block(measured.lists, offsets, range(k, min(k + _BLOCK, n)), order, cutoff, window)
+        for k in range(0, n, _BLOCK)
+    ]
+    localisation, cardinality = np.concatenate(found, axis=1)
     powers = (localisation + cardinality, localisation, cardinality)
     return {k: v ** (1 / order) for k, v in zip(("", *PARTS), powers, strict=True)}
 
 
-def _tracks(aligned: Sets, order: float, cutoff: float, window: int) -> tuple[Near, Array]:
+def _block(
+    lists: Mapping[str, Array],
+    offsets: Sequence[Array],
+    steps: range,
+    order: float,
+    cutoff: float,
+    window: int,
+) -> Array:
+    """Powers (2, len(steps)) of localisation and cardinality at ``steps``."""
+    first = max(0, steps.start - window + 1)
+    rows = [o[first : steps.stop + 1] - o[first] for o in offsets]
+    parts = [slice(o[first], o[steps.stop]) for o in offsets]
+    labels = [lists[name][part] for name, part in zip(("true", "estimated"), parts, strict=False)]
+    ends = [lists[name][parts[2]] for name in ("first", "second")]
+    power = lists["power"][parts[2]]
+    pairs, counts = _tracks(labels, ends, power, rows, cutoff**order, window)
+    chosen = assign(pairs, cutoff**order - pairs.distance)
+    step, count = pairs.step[chosen], counts.shape[1]
+    m, n = np.sort(counts, axis=0)
+    size = np.maximum(n, 1)
+    sums = np.bincount(step, pairs.distance[chosen], count)
+    unpaired = m - np.bincount(step, minlength=count)
+    powers = np.stack((sums + cutoff**order * unpaired, cutoff**order * (n - m))) / size
+    return np.asarray(powers[:, steps.start - first :])
+
+
+def _tracks(
+    labels: Sequence[Array],
+    ends: Sequence[Array],
+    power: Array,
+    offsets: Sequence[Array],
+    unpaired: float,
+    window: int,
+) -> tuple[Near, Array]:
     """Pairs of tracks nearer than the cut-off, with their p-th powers, and numbers (2, n).
 
-    A step takes in its objects, gives out those that leave the window, and keeps the sums.
+    ``labels`` are the true and the estimated ones, ``ends`` those of near pairs with their
+    ``power``; ``offsets`` divide them into steps. A step takes in its objects, gives out those that
+    leave the window, and keeps the sums.
     """
-    near = aligned.near(cutoff)
-    label, number = zip(*map(_numbered, (aligned.truth, aligned.estimate)), strict=True)
-    key = label[0][near.first] * number[1] + label[1][near.second]
-    keys, pair = np.unique(key, return_inverse=True)
+    names = [np.unique(side) for side in labels]
+    label = [np.searchsorted(known, side) for known, side in zip(names, labels, strict=True)]
+    number = [len(known) for known in names]
+    ends = [np.searchsorted(known, side) for known, side in zip(names, ends, strict=True)]
+    keys, pair = np.unique(ends[0] * number[1] + ends[1], return_inverse=True)
     first, second = np.divmod(keys, max(number[1], 1))
-    bounds = np.searchsorted(near.step, np.arange(len(aligned) + 1))
-    power = near.distance**order
     life = [np.zeros(n, np.int64) for n in number]
     both, close, total = (np.zeros(len(keys), t) for t in (np.int64, np.int64, float))
 
     def enter(k: int, sign: int) -> None:
         here = [np.zeros(n, np.int64) for n in number]
-        for side, objects in enumerate((aligned.truth, aligned.estimate)):
-            rows = slice(objects.row_offset[k], objects.row_offset[k + 1])
-            here[side][label[side][rows]] = sign
+        for side in (0, 1):
+            here[side][label[side][offsets[side][k] : offsets[side][k + 1]]] = sign
             life[side] += here[side]
         both[:] += here[0][first] * here[1][second] * sign
-        rows = slice(bounds[k], bounds[k + 1])
+        rows = slice(offsets[2][k], offsets[2][k + 1])
         close[pair[rows]] += sign
         total[pair[rows]] += sign * power[rows]
 
-    found, counts = [], np.zeros((2, len(aligned)), np.int64)
-    for k in range(len(aligned)):
+    steps = len(offsets[0]) - 1
+    found, counts = [], np.zeros((2, steps), np.int64)
+    for k in range(steps):
         enter(k, 1)
         if k >= window:
             enter(k - window, -1)
         counts[:, k] = [np.count_nonzero(n) for n in life]
         p = np.flatnonzero(close)
         union = life[0][first[p]] + life[1][second[p]] - both[p]
-        mean = (np.maximum(total[p], 0.0) + cutoff**order * (union - close[p])) / union
+        mean = (np.maximum(total[p], 0.0) + unpaired * (union - close[p])) / union
         found.append(
             (np.full(len(p), k), k * number[0] + first[p], k * number[1] + second[p], mean)
         )
     return Near(*map(np.concatenate, zip(*found, strict=True))), counts
 
 
-def _numbered(objects: Objects) -> tuple[Array, int]:
-    """Labels as numbers from 0, and how many there are."""
-    labels, number = np.unique(objects.label, return_inverse=True)
-    return number, len(labels)
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """OSPA(2) [m] and its parts per step, their means, and the number of steps left out."""
+    values = ospa2(measured, params.order, params.cutoff, params.window)
+    return parts((*names, "ospa2"), measured, values, params.block)
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """OSPA(2) [m] and its parts per step, their means, and the number of steps left out.
-
-    Raises
-    ------
-    InputError : no truth, no positions in common, or nothing to score
-    """
-    aligned = sets(estimates, recording, params)
-    values = ospa2(aligned, params.order, params.cutoff, params.window)
-    key = (recording.meta.name, estimates.estimator, "ospa2")
-    return parts(key, aligned, values, params.block)
+score = scorer(measure, summarise)

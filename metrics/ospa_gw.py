@@ -19,14 +19,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..models.errors import InputError
-from ..models.records import Estimates, Objects, Recording, Scores
+from ..models.records import Objects, Scores
 from .assignment import Near, assign
+from .measured import Measured, Names, of_sets, scorer
 from .series import Distance, parts
-from .sets import Sets, sets
+from .sets import Sets
 
 SUMMARY = "OSPA distance of extended objects, with the Gaussian-Wasserstein distance, and its parts"
 PARTS = ("localisation", "cardinality", "centre", "extent")
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = True
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
@@ -92,15 +93,10 @@ def _per_step(pairs: Near, chosen: Array, value: Array, steps: int) -> Array:
     return np.bincount(pairs.step[chosen], value[chosen], steps)
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """The distance [m] and its parts per step, their means, and the number of steps left out.
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """The distance [m] and its parts per step, their means, and the number of steps left out."""
+    return parts((*names, "ospa-gw"), measured, measured.values, params.block)
 
-    Raises
-    ------
-    InputError : no truth, no positions or extents in common, or nothing to score
-    """
-    aligned = sets(estimates, recording, params)
-    values = ospa_gw(aligned, params.order, params.cutoff)
-    return parts(
-        (recording.meta.name, estimates.estimator, "ospa-gw"), aligned, values, params.block
-    )
+
+measure = of_sets(lambda aligned, params: ospa_gw(aligned, params.order, params.cutoff))
+score = scorer(measure, summarise)

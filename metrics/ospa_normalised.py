@@ -21,14 +21,15 @@ from typing import Any
 import numpy as np
 
 from ..models.parameters import parameter
-from ..models.records import Estimates, Recording, Scores
+from ..models.records import Scores
 from .assignment import assign
+from .measured import Measured, Names, of_sets, scorer
 from .series import Distance, parts
-from .sets import Sets, sets
+from .sets import Sets
 
 SUMMARY = "OSPA divided by the number of different objects, as in joint sensing papers"
 PARTS = ("localisation", "missed", "false")
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = True
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
@@ -67,14 +68,10 @@ def ospa_normalised(aligned: Sets, order: float, cutoff: float) -> dict[str, Arr
     return {k: v ** (1 / order) for k, v in zip(("", *PARTS), shares, strict=True)}
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """The variant [m] and its parts per step, their means, and the number of steps left out.
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """The distance [m] and its parts per step, their means, and the number of steps left out."""
+    return parts((*names, "ospa-normalised"), measured, measured.values, params.block)
 
-    Raises
-    ------
-    InputError : no truth, no positions in common, or nothing to score
-    """
-    aligned = sets(estimates, recording, params)
-    values = ospa_normalised(aligned, params.order, params.cutoff)
-    key = (recording.meta.name, estimates.estimator, "ospa-normalised")
-    return parts(key, aligned, values, params.block)
+
+measure = of_sets(lambda aligned, params: ospa_normalised(aligned, params.order, params.cutoff))
+score = scorer(measure, summarise)

@@ -33,7 +33,7 @@ Point = tuple[float, float]
 
 SUMMARY = "posterior Cramér-Rao bound on the device and the centre, blocked links without events"
 PARTS = ("device", "centre")
-NEEDS_SCANS = True
+STREAMS = ("uwb",)
 FOR_SETS = False
 QUADRATIC = ("pcrlb",)
 

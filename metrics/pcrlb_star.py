@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from ..models.records import Estimates, Recording, Scores
-from .pcrlb import FOR_SETS, NEEDS_SCANS, PARTS, Params, bounds
+from .pcrlb import FOR_SETS, PARTS, STREAMS, Params, bounds
 
 SUMMARY = "posterior Cramér-Rao bound as if no link had been blocked"
 QUADRATIC = ("pcrlb-star",)
-__all__ = ["FOR_SETS", "NEEDS_SCANS", "PARTS", "QUADRATIC", "SUMMARY", "Params", "score"]
+__all__ = ["FOR_SETS", "STREAMS", "PARTS", "QUADRATIC", "SUMMARY", "Params", "score"]
 
 
 def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:

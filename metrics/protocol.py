@@ -10,10 +10,13 @@ from ..models.records import Estimates, Recording, Scores
 class Metric(Protocol):
     """A metric as the entry-point group ``echoset.metrics`` finds it.
 
+    One that goes by steps also has ``measure`` and ``summarise`` (see :mod:`.measured`) and scores
+    recordings of any length; one without gets estimates and recording whole.
+
     ``SUMMARY`` : one line for ``echoset list``
     ``PARTS`` : what it can score: ``device``, ``centre``, ``extent``, ...
-    ``NEEDS_SCANS`` : whether it reads link events or scans; without them the recording may come
-    with empty streams
+    ``STREAMS`` : the stream kinds of which it needs one, and reads the scans; where there are none
+    the recording may come with empty streams
     ``FOR_SETS`` : whether it scores sets of objects: not asked for by name, it is left out where
     there is one object, and one estimate, all the time
     ``QUADRATIC`` : those of its metric names that are roots of mean squares, so that pooling
@@ -24,7 +27,7 @@ class Metric(Protocol):
 
     SUMMARY: str
     PARTS: tuple[str, ...]
-    NEEDS_SCANS: bool
+    STREAMS: tuple[str, ...]
     FOR_SETS: bool
     QUADRATIC: tuple[str, ...]
     Params: type[Any]

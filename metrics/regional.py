@@ -18,13 +18,14 @@ from ..models.errors import InputError
 from ..models.parameters import parameter
 from ..models.records import Estimates, Recording, Scores
 from ..models.regions import contains, polygon, polygons, statistics
+from .measured import Measured, Names, scorer
 from .series import Steps, parts, series
-from .sets import sets
+from .sets import align
 from .table import concatenate
 
 SUMMARY = "number of targets in regions: error of its mean, and its standard deviation"
 PARTS = ()
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = False
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
@@ -43,8 +44,8 @@ class Params(Steps):
         polygons(self.regions)
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """Errors, deviations and true numbers per step and region, and their means.
+def measure(estimates: Estimates, recording: Recording, params: Params) -> Measured:
+    """Errors, deviations and true numbers per step and region.
 
     Raises
     ------
@@ -54,20 +55,30 @@ def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
     regions = params.regions or own
     if not regions:
         raise InputError(f"{estimates.meta.name}: no regions: give regional.regions.NAME=...")
-    aligned = sets(estimates, recording, params)
-    names = recording.meta.name, estimates.estimator
-    error, tables = {}, []
+    aligned = align(estimates, recording, params)
+    values = {}
     for name, corners in regions.items():
         mean, variance = (v[aligned.steps] for v in _moments(estimates, name, corners, own))
         inside = contains(polygon(corners), aligned.position_truth[:, :2])
         step = np.repeat(np.arange(len(aligned)), aligned.counts[0])
         true = np.bincount(step[inside], minlength=len(aligned)).astype(float)
-        error[name] = np.abs(mean - true)
         std = np.sqrt(np.maximum(variance, 0.0))
-        for kind, values in (("error", mean - true), ("std", std), ("true", true)):
+        values[name] = np.stack((mean - true, std, true), 1)
+    return Measured(aligned.time, values, aligned.left_out)
+
+
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """Errors, deviations and true numbers per step and region, and their means."""
+    error = {name: np.abs(values[:, 0]) for name, values in measured.values.items()}
+    tables = [parts((*names, "regional"), measured, error, params.block)]
+    for name, values in measured.values.items():
+        for kind, column in zip(("error", "std", "true"), values.T, strict=True):
             key = (*names, f"regional-{kind}", name)
-            tables.append(series(key, aligned.time, values, params.block))
-    return concatenate([parts((*names, "regional"), aligned, error, params.block), *tables])
+            tables.append(series(key, measured.time, column, params.block))
+    return concatenate(tables)
+
+
+score = scorer(measure, summarise)
 
 
 def _moments(

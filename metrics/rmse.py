@@ -13,17 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.parameters import parameter, require
-from ..models.records import Estimates, Recording, Scores
-from .alignment import Window, pairs
+from ..models.records import Scores
+from .alignment import Window
 from .bootstrap import block_stderr
-from .errors import PARTS, check_parts, chosen, error
+from .errors import PARTS, check_parts, errors
+from .measured import Measured, Names, of_pairs, scorer
 from .table import concatenate, rows
 
 SUMMARY = "root mean square error of device, centre and extent, per step and over all"
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = False
 QUADRATIC = ("rmse",)
-__all__ = ["FOR_SETS", "NEEDS_SCANS", "PARTS", "QUADRATIC", "SUMMARY", "Params", "score"]
+__all__ = ["FOR_SETS", "STREAMS", "PARTS", "QUADRATIC", "SUMMARY", "Params", "score"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,24 +44,20 @@ class Params(Window):
         require(self.resamples >= 2, "resamples", "at least 2", self.resamples)
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """Errors [m] per step, their root mean square, and the number of steps left out.
-
-    Raises
-    ------
-    InputError : no truth, several objects, a part that is missing, or nothing to score
-    """
-    aligned = pairs(estimates, recording, params)
-    names = recording.meta.name, estimates.estimator
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """Errors [m] per step, their root mean square, and the number of steps left out."""
     tables = []
-    for part in chosen(params.parts, PARTS, aligned):
-        e = error(part, aligned)
+    for part, e in measured.values.items():
         whole = float(np.sqrt(np.mean(e**2)))
         spread = block_stderr(e**2, params.block, params.resamples)
         tables += [
-            rows((*names, "rmse", part), aligned.time, e),
+            rows((*names, "rmse", part), measured.time, e),
             rows((*names, "rmse", part), np.nan, whole, len(e), spread),
         ]
-    steps = len(aligned.time) + aligned.left_out
-    tables.append(rows((*names, "rmse-left-out", ""), np.nan, aligned.left_out, steps))
+    steps = len(measured) + measured.left_out
+    tables.append(rows((*names, "rmse-left-out", ""), np.nan, measured.left_out, steps))
     return concatenate(tables)
+
+
+measure = of_pairs(lambda aligned, params: errors(params.parts, PARTS, aligned))
+score = scorer(measure, summarise)

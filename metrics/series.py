@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..models.parameters import parameter, require
 from ..models.records import Scores
 from .alignment import Span
-from .sets import Sets
 from .table import Key, concatenate, rows
 
 Array = np.ndarray[Any, Any]
@@ -57,6 +56,18 @@ class Distance(Pairing):
         require(self.block >= 0, "block", "at least 0", self.block)
 
 
+class Aligned(Protocol):
+    """Scored steps at ``time`` (n,) [s], and the number of steps left out."""
+
+    @property
+    def time(self) -> Array: ...
+
+    @property
+    def left_out(self) -> int: ...
+
+    def __len__(self) -> int: ...
+
+
 def mean_stderr(values: Array, block: int) -> float:
     """Standard error of the mean of ``values`` (n,), which depend on their neighbours.
 
@@ -80,7 +91,7 @@ def series(key: Key, time: Array, values: Array, block: int) -> Scores:
 
 
 def parts(
-    key: tuple[str, str, str], aligned: Sets, values: Mapping[str, Array], block: int
+    key: tuple[str, str, str], aligned: Aligned, values: Mapping[str, Array], block: int
 ) -> Scores:
     """The series of every part in ``values``, and the number of steps left out.
 

@@ -53,11 +53,24 @@ class Sets:
 
 
 def sets(estimates: Estimates, recording: Recording, span: Span) -> Sets:
-    """The scored steps of ``estimates`` beside the truth of ``recording``.
+    """The scored steps of ``estimates`` beside the truth of ``recording``, one at least.
 
     Raises
     ------
     InputError : no truth, no positions in common, or nothing left to score
+    """
+    aligned = align(estimates, recording, span)
+    if not len(aligned):
+        raise InputError(f"{recording.meta.name}: no step to be scored has a truth")
+    return aligned
+
+
+def align(estimates: Estimates, recording: Recording, span: Span) -> Sets:
+    """The scored steps of ``estimates`` beside the truth of ``recording``, perhaps none.
+
+    Raises
+    ------
+    InputError : no truth, or no positions in common
     """
     if recording.truth is None:
         raise InputError(f"{recording.meta.name}: the recording has no truth")
@@ -67,11 +80,11 @@ def sets(estimates: Estimates, recording: Recording, span: Span) -> Sets:
         raise InputError(f"{recording.meta.name}: truth and estimates have no x y in common")
     inside = span.contains(objects.time_ns)
     known = np.zeros(len(inside), bool)
+    before = after = np.zeros(len(inside), np.int64)
+    w = np.zeros(len(inside))
     if len(truth.time_ns):
         before, after, w, known = bracket(truth.time_ns, objects.time_ns, span)
     steps = np.flatnonzero(inside & known)
-    if not len(steps):
-        raise InputError(f"{recording.meta.name}: no step to be scored has a truth")
     time_ns = objects.time_ns[steps]
     true = _between(truth, before[steps], after[steps], w[steps], time_ns)
     estimated = _select(objects, steps, time_ns)

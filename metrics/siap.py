@@ -30,13 +30,14 @@ import numpy as np
 from ..models.parameters import parameter
 from ..models.records import Estimates, Recording, Scores
 from .assignment import assign
+from .measured import Measured, Names, scorer
 from .series import Pairing
-from .sets import Sets, sets
+from .sets import align
 from .table import concatenate, rows
 
 SUMMARY = "completeness, ambiguity, false objects and label changes, after SIAP"
 PARTS = ("object-<label>",)
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = True
 QUADRATIC = ()
 Array = np.ndarray[Any, Any]
@@ -49,26 +50,57 @@ class Params(Pairing):
     by_object: bool = parameter(False, "1", "also completeness and coverage of each true object")
 
 
-def siap(aligned: Sets, order: float, cutoff: float) -> dict[tuple[str, str], tuple[float, int]]:
-    """Sum and number of what each metric and part is the mean of."""
-    pairs = aligned.near(cutoff)
-    own = pairs.take(assign(pairs, cutoff**order - pairs.distance**order))
-    label = aligned.truth.label
+def measure(estimates: Estimates, recording: Recording, params: Params) -> Measured:
+    """Per step how many are there, tracked, covered and near; lists by object, and who tracks.
+
+    Raises
+    ------
+    InputError : no truth, or no positions in common
+    """
+    aligned = align(estimates, recording, params)
+    pairs = aligned.near(params.cutoff)
+    gain = params.cutoff**params.order - pairs.distance**params.order
+    own = pairs.take(assign(pairs, gain))
+    label, n = aligned.truth.label, len(aligned)
     covered, tracked = (np.isin(np.arange(len(label)), p.first) for p in (pairs, own))
-    estimates = int(aligned.estimate.row_offset[-1])
-    near = len(np.unique(pairs.second))
+    near = np.unique(np.stack((pairs.step, pairs.second)), axis=1)[0]
+    true, estimated = aligned.counts
+    values = {
+        "true": true,
+        "estimated": estimated,
+        "tracked": np.bincount(own.step, minlength=n),
+        "covered": np.bincount(np.repeat(np.arange(n), true)[covered], minlength=n),
+        "near": np.bincount(near, minlength=n),
+        "distance": np.bincount(own.step, own.distance, n),
+    }
     names, index, times = np.unique(label, return_inverse=True, return_counts=True)
+    lists = {
+        "object": names,
+        "times": times,
+        "object tracked": np.bincount(index, tracked, len(names)),
+        "object covered": np.bincount(index, covered, len(names)),
+        "owner": label[own.first],
+        "tracker": aligned.estimate.label[own.second],
+    }
+    return Measured(aligned.time, values, aligned.left_out, lists)
+
+
+def siap(measured: Measured) -> dict[tuple[str, str], tuple[float, int]]:
+    """Sum and number of what each metric and part is the mean of."""
+    total, lists = {name: v.sum() for name, v in measured.values.items()}, measured.lists
+    names, index = np.unique(lists["object"], return_inverse=True)
+    times = np.bincount(index, lists["times"]).astype(int)
     found: dict[tuple[str, str], tuple[float, int]] = {}
-    for metric, seen in (("completeness", tracked), ("coverage", covered)):
-        found[metric, ""] = seen.sum(), len(label)
-        for name, *share in zip(names, np.bincount(index, seen), times, strict=True):
+    for metric, seen in (("completeness", "tracked"), ("coverage", "covered")):
+        found[metric, ""] = total[seen], total["true"]
+        each = np.bincount(index, lists[f"object {seen}"])
+        for name, *share in zip(names, each, times, strict=True):
             found[metric, f"object-{name}"] = share[0], share[1]
-    found["ambiguity", ""] = near, covered.sum()
-    found["spurious", ""] = estimates - near, estimates
-    found["false-objects", ""] = estimates - len(own), len(aligned)
-    found["position-error", ""] = own.distance.sum(), len(own)
-    changes = _changes(label[own.first], aligned.estimate.label[own.second])
-    found["label-changes", ""] = changes, len(names)
+    found["ambiguity", ""] = total["near"], total["covered"]
+    found["spurious", ""] = total["estimated"] - total["near"], total["estimated"]
+    found["false-objects", ""] = total["estimated"] - total["tracked"], len(measured)
+    found["position-error", ""] = total["distance"], total["tracked"]
+    found["label-changes", ""] = _changes(lists["owner"], lists["tracker"]), len(names)
     return found
 
 
@@ -79,17 +111,13 @@ def _changes(label: Array, tracker: Array) -> int:
     return int((same & (np.diff(tracker[order]) != 0)).sum())
 
 
-def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
-    """The numbers of :func:`siap` as means over the recording.
-
-    Raises
-    ------
-    InputError : no truth, no positions in common, or nothing to score
-    """
-    aligned = sets(estimates, recording, params)
-    names = recording.meta.name, estimates.estimator
+def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+    """The numbers of :func:`siap` as means over the recording."""
     return concatenate(
         rows((*names, metric, part), np.nan, total / n, n)
-        for (metric, part), (total, n) in siap(aligned, params.order, params.cutoff).items()
+        for (metric, part), (total, n) in siap(measured).items()
         if n and (params.by_object or not part)
     )
+
+
+score = scorer(measure, summarise)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..models.records import Array, Scores
+from ..models.words import Words, chain
 
 Key = tuple[str, str, str, str]
 """The names of a row: recording, estimator, metric, part."""
@@ -16,7 +17,7 @@ Key = tuple[str, str, str, str]
 def rows(key: Key, time: Any, value: Any, n: Any = 1, stderr: Any = np.nan) -> Scores:
     """Rows with the same names; the numbers are broadcast against each other, (k,)."""
     t, v, count, error = np.broadcast_arrays(*map(np.atleast_1d, (time, value, n, stderr)))
-    recording, estimator, metric, part = ((name,) * len(v) for name in key)
+    recording, estimator, metric, part = (Words([(name, len(v))]) for name in key)
     t, v, error = (x.astype(float) for x in (t, v, error))
     return Scores(recording, estimator, metric, part, t, v, count.astype(np.int64), error)
 
@@ -27,9 +28,11 @@ def concatenate(tables: Iterable[Scores]) -> Scores:
     The provenance is theirs if it is one, otherwise the list of all different ones, ``inputs``.
     """
     parts = list(tables)
+    if len(parts) == 1:
+        return parts[0]
 
-    def text(name: str) -> tuple[str, ...]:
-        return tuple(x for p in parts for x in getattr(p, name))
+    def text(name: str) -> Words:
+        return chain(getattr(p, name) for p in parts)
 
     def numbers(name: str, kind: type) -> Array:
         return np.concatenate([np.zeros(0, kind), *(getattr(p, name) for p in parts)])

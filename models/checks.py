@@ -47,7 +47,7 @@ def check(record: Recording | Estimates, path: object = "recording") -> None:
     for name, stream in record.streams.items():
         check_stream(stream, record.sensors, name, path)
     if record.truth is not None:
-        _check_truth(record.truth, record, path)
+        check_truth(record.truth, record, path)
 
 
 def check_stream(
@@ -242,7 +242,8 @@ def _check_extent(o: Objects, m: int, at: Place) -> None:
         (at / "rotation").unit(rotation)
 
 
-def _check_truth(truth: Truth, recording: Recording, path: object) -> None:
+def check_truth(truth: Truth, recording: Recording, path: object = "recording") -> None:
+    """The part of :func:`check` for the truth of a recording."""
     at = Place(path, "truth")
     check_objects(truth.objects, "truth/objects", path)
     (at / "objects/time_ns").increasing(truth.objects.time_ns, strictly=True)

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+_LONGEST = 500
+
 
 class EchosetError(Exception):
     """Base of every error that is the user's or the data's, never ours."""
 
     exit_code = 1
+
+    def __str__(self) -> str:
+        """The message on one line of bearable length, whatever it quotes."""
+        text = " ".join(super().__str__().split())
+        return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
 class ParameterError(EchosetError):

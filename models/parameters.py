@@ -62,18 +62,24 @@ def resolve(cls: type[P], *layers: tuple[str, Mapping[str, Any]]) -> P:
     """
     types_ = typing.get_type_hints(cls)
     values: dict[str, Any] = {}
+    sources: dict[str, str] = {}
     for source, layer in layers:
         for key, value in layer.items():
             if key not in types_:
                 hint = suggestion(key, types_)
                 raise ParameterError(f"{source}: unknown parameter {key!r}{hint}")
             values[key] = _coerce(value, types_[key], f"{source}: {key}")
+            sources[key] = source
     for f in dataclasses.fields(cls):  # type: ignore[arg-type]
         if f.default is REQUIRED and f.name not in values:
             raise InputError(
                 f"the recording's sensor model has no {f.name!r}: give it by --set {f.name}=..."
             )
-    return cls(**values)
+    try:
+        return cls(**values)
+    except ParameterError as error:
+        place = sources.get(str(error).partition(" ")[0].partition(".")[0])
+        raise ParameterError(f"{place}: {error}" if place else str(error)) from None
 
 
 def sensor_model(recording: Recording, cls: type[Any]) -> tuple[tuple[str, Mapping[str, Any]], ...]:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from .columns import COLUMNS
+from .words import Words, words
 
 Array = np.ndarray[Any, Any]
 Model = Mapping[str, Any]
@@ -228,15 +229,15 @@ class Estimates:
 class Scores:
     """A long table of scores, one row a number.
 
-    ``recording estimator metric part`` are tuples of strings; ``time`` [s] is NaN for the
+    ``recording estimator metric part`` are sequences of strings; ``time`` [s] is NaN for the
     aggregate over a recording; ``n`` counts what entered; ``stderr`` is NaN where none is known.
     ``provenance`` is plain JSON: versions, metrics and their parameters.
     """
 
-    recording: tuple[str, ...]
-    estimator: tuple[str, ...]
-    metric: tuple[str, ...]
-    part: tuple[str, ...]
+    recording: Sequence[str]
+    estimator: Sequence[str]
+    metric: Sequence[str]
+    part: Sequence[str]
     time: Array
     value: Array
     n: Array
@@ -250,8 +251,8 @@ class Scores:
         """The rows at ``indices``."""
         rows = np.asarray(indices, int)
 
-        def text(column: tuple[str, ...]) -> tuple[str, ...]:
-            return tuple(column[i] for i in rows)
+        def text(column: Sequence[str]) -> Words:
+            return words(column[i] for i in rows)
 
         names = (self.recording, self.estimator, self.metric, self.part)
         recording, estimator, metric, part = map(text, names)

@@ -138,7 +138,7 @@ BROKEN = {
     .encode(),
     "not JSON that can be read": b'[{"time": 1e9999999999999999999}]',
     "byte 1: is not UTF-8 text": b"[\xff]",
-    r"not JSON: Expecting value|recursion": b"[" * 100_000,
+    r"not JSON: Expecting value|nested": b"[" * 100_000,
     "line 1, column 1: not JSON": b"",
 }
 

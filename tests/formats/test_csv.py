@@ -279,8 +279,8 @@ BAD_LOGS = {
     r"line 1: no column 'r' \(did you mean 'rr'": "t,id,rr\n0,A,1\n",
     "line 1: no column 'r': there are t, id, dist": "t,id,dist\n0,A,1\n",
     "line 1: two columns are called 'r'": "t,id,r,r\n0,A,1,2\n",
-    "the file is empty": "",
-    "there is nothing but comments": "# only\n",
+    "line 1: the file is empty": "",
+    "line 1: there is nothing but comments": "# only\n",
     "line 2: unexpected end of data": 't,id,r\n0,"A,1\n',
 }
 

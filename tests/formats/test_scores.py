@@ -99,7 +99,7 @@ def test_unknown_format() -> None:
 def test_damaged_csv(text: str, where: str) -> None:
     with pytest.raises(FormatError) as caught:
         read(io.BytesIO(text.encode()), "f.csv")
-    assert caught.value.where == where and str(caught.value).startswith("f.csv: ")
+    assert caught.value.where.startswith(where) and str(caught.value).startswith("f.csv: ")
 
 
 def row(**change: object) -> str:
@@ -131,7 +131,7 @@ def row(**change: object) -> str:
 def test_damaged_json(text: str, where: str) -> None:
     with pytest.raises(FormatError) as caught:
         read(io.BytesIO(text.encode()), "f.json")
-    assert caught.value.where == where
+    assert caught.value.where.startswith(where)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 
 from echoset.metrics import ospa
 from echoset.metrics.alignment import Span
-from echoset.metrics.ospa2 import Params, ospa2, score
+from echoset.metrics.ospa2 import Params, measure, ospa2, score
 from echoset.metrics.sets import sets
 from echoset.models.errors import ParameterError
 
@@ -52,8 +52,8 @@ def test_equal_to_the_definition(scene, window, order):
     rng = np.random.default_rng(7)
     for _ in range(10):
         truth, estimated = draw(rng, [5, 3, 9]), draw(rng, [2, 3, 11, 40])
-        aligned = sets(*scene(truth, estimated), Span())
-        found = ospa2(aligned, order, 4.0, window)
+        measured = measure(*scene(truth, estimated), Params(order=order, cutoff=4.0))
+        found = ospa2(measured, order, 4.0, window)
         expected = [definition(truth, estimated, k, window, order, 4.0) for k in range(8)]
         np.testing.assert_allclose(found[""], expected, rtol=1e-12)
         parts = found["localisation"] ** order + found["cardinality"] ** order
@@ -62,17 +62,19 @@ def test_equal_to_the_definition(scene, window, order):
 
 def test_a_window_of_one_step_is_ospa(scene):
     rng = np.random.default_rng(8)
-    aligned = sets(*scene(draw(rng, range(5)), draw(rng, range(4))), Span())
+    pair = scene(draw(rng, range(5)), draw(rng, range(4)))
+    aligned, measured = sets(*pair, Span()), measure(*pair, Params(cutoff=4.0))
     for part, values in ospa.ospa(aligned, 2.0, 4.0).items():
-        np.testing.assert_allclose(ospa2(aligned, 2.0, 4.0, 1)[part], values, atol=1e-12)
+        np.testing.assert_allclose(ospa2(measured, 2.0, 4.0, 1)[part], values, atol=1e-12)
 
 
 def test_swapped_labels_cost_though_the_sets_are_equal(scene):
     truth = [{1: (0.0, 0.0), 2: (50.0, 0.0)}] * 4
     swapped = [{7: (0.0, 0.0), 8: (50.0, 0.0)}] * 2 + [{8: (0.0, 0.0), 7: (50.0, 0.0)}] * 2
-    aligned = sets(*scene(truth, swapped), Span())
+    pair = scene(truth, swapped)
+    aligned, measured = sets(*pair, Span()), measure(*pair, Params(order=1.0))
     assert ospa.ospa(aligned, 1.0, 10.0)[""].tolist() == [0, 0, 0, 0]
-    np.testing.assert_allclose(ospa2(aligned, 1.0, 10.0, 4)[""], [0, 0, 10 / 3, 5], rtol=1e-14)
+    np.testing.assert_allclose(ospa2(measured, 1.0, 10.0, 4)[""], [0, 0, 10 / 3, 5], rtol=1e-14)
 
 
 def test_empty_steps_and_parameters(scene):

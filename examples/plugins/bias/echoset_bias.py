@@ -19,7 +19,7 @@ from echoset.models.records import Estimates, Recording, Scores
 
 SUMMARY = "mean error of device and centre along each axis, over all steps"
 PARTS = ("device", "centre")
-NEEDS_SCANS = False
+STREAMS = ()
 FOR_SETS = False
 QUADRATIC = ()
 

@@ -87,17 +87,26 @@ def inspect(source: Path | IO[bytes], path: object) -> dict[str, Any]:
 class Source:
     """A recording for estimators, scan by scan; an archive has to be read whole for it."""
 
+    unit = "scan"
+
     def __init__(self, source: Path | IO[bytes], path: object, keep: bool = False) -> None:
         record = read(source, path)
         if not isinstance(record, Recording):
             raise FormatError(path, "", "holds no recording")
-        self._record, self._keep = record, keep
+        self._record, self._keep, self._done = record, keep, 0
         self.setup = record.setup()
         self.observed_digest = layout.observed_digest(record)
 
+    @property
+    def progress(self) -> tuple[int, int]:
+        """Scans that are out, and that there are."""
+        return self._done, sum(len(s) for s in self._record.streams.values())
+
     def scans(self) -> Iterator[Scan]:
         """All scans in order."""
-        return self._record.scans()
+        for scan in self._record.scans():
+            yield scan
+            self._done += 1
 
     def recording(self) -> Recording | None:
         """The whole recording, where it was asked to be kept."""

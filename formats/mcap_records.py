@@ -1,0 +1,214 @@
+"""The records of MCAP files, read within bounds that a file cannot set itself.
+
+The library parses the records; but it trusts the lengths that stand inside them, and decompresses
+chunks without a limit.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from typing import IO, Any
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    DataEnd,
+    Footer,
+    Message,
+    Metadata,
+    MetadataIndex,
+)
+
+RECORD = 1 << 26
+"""Bytes that one record or chunk may have, compressed or not."""
+MESSAGE = 1 << 24
+"""Bytes that one message may have: decoded it takes many times as much."""
+_ALLOWANCE, _RATIO = 1 << 26, 64
+"""Bytes that chunks may hold in all, and how many more for each that they take in the file."""
+_MAX_NAMES = 1 << 17
+"""Channels and schemas: all that have numbers, twice."""
+
+Part = Channel | Message | Attachment | Metadata
+MAGIC = b"\x89MCAP0\r\n"
+
+_HEAD = struct.Struct("<BQ")
+_FOOTER = struct.Struct("<BQQQI")
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+_READ: dict[int, Callable[[ReadDataStream], Any]] = {
+    Opcode.ATTACHMENT: Attachment.read,
+    Opcode.CHANNEL: Channel.read,
+    Opcode.CHUNK: Chunk.read,
+    Opcode.DATA_END: DataEnd.read,
+    Opcode.FOOTER: Footer.read,
+    Opcode.METADATA: Metadata.read,
+}
+"""The records that are of use here; all others are passed over."""
+
+
+class Records:
+    """The records of the file ``source`` in order; ``offset`` is where the one at hand begins.
+
+    ``unchecked`` names the kinds of records that came without a checksum.
+    """
+
+    def __init__(self, source: IO[bytes]) -> None:
+        self.offset = 0
+        self.unchecked: set[str] = set()
+        self._source, self._size = source, 0
+        if source.seekable():
+            start = source.tell()
+            self._size = source.seek(0, 2) - start
+            source.seek(start)
+        self._position = self._crc = 0
+        self._packed = self._plain = self._names = 0
+
+    def __iter__(self) -> Iterator[Part]:
+        """Channels, messages, attachments and metadata, those in chunks among them.
+
+        Raises
+        ------
+        ValueError, struct.error, McapError, ZstdError, RuntimeError : damage, at ``offset``
+        """
+        if self._read(len(MAGIC)) != MAGIC:
+            raise ValueError("does not begin as MCAP does")
+        while True:
+            self.offset, before = self._position, self._crc
+            op, size = _HEAD.unpack(self._read(_HEAD.size))
+            if size > RECORD:
+                raise ValueError(f"a record of {size} bytes")
+            content = self._read(size)
+            if op == Opcode.MESSAGE:
+                yield _message(content)
+            elif op in _READ:
+                record = _READ[op](ReadDataStream(BytesIO(content)))
+                if isinstance(record, Chunk):
+                    yield from self._chunk(record)
+                elif isinstance(record, DataEnd):
+                    self._check("data", record.data_section_crc, before)
+                    self._crc = 0
+                elif isinstance(record, Footer):
+                    self._check("summary", record.summary_crc, self._summary(content, before))
+                    break
+                else:
+                    if isinstance(record, Attachment):
+                        stored = int.from_bytes(content[-4:], "little")
+                        self._check("attachment", stored, zlib.crc32(content[:-4]))
+                    yield record
+        self.offset = self._position
+        if self._read(len(MAGIC)) != MAGIC:
+            raise ValueError("does not end as MCAP does")
+        self.offset = self._position
+        if self._source.read(1):
+            raise ValueError("data after the end")
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """Bytes that were read, and that there are; 0 where the source does not tell."""
+        return self._position, self._size
+
+    def _read(self, size: int) -> bytes:
+        data = self._source.read(size) if size else b""
+        if len(data) < size:
+            raise ValueError("ends in the middle of a record")
+        self._position += size
+        self._crc = zlib.crc32(data, self._crc)
+        return data
+
+    @staticmethod
+    def _summary(footer: bytes, before: int) -> int:
+        """Checksum of the summary and of the footer as far as it is covered itself."""
+        return zlib.crc32(_HEAD.pack(Opcode.FOOTER, len(footer)) + footer[:16], before)
+
+    def _check(self, kind: str, stored: int, found: int) -> None:
+        if stored == 0:
+            self.unchecked.add(kind)
+        elif stored != found:
+            raise ValueError(f"the checksum of the {kind} does not fit")
+
+    def _chunk(self, chunk: Chunk) -> Iterator[Channel | Message]:
+        """The channels and messages of a chunk in order, its size and checksum proved."""
+        size = chunk.uncompressed_size
+        self._packed += len(chunk.data)
+        self._plain += size
+        if size > RECORD or self._plain > _ALLOWANCE + _RATIO * self._packed:
+            raise ValueError(f"a chunk of {len(chunk.data)} bytes declares {size}")
+        data = _unpacked(chunk)
+        if len(data) != size:
+            raise ValueError("a chunk does not hold what it declares")
+        self._check("chunk", chunk.uncompressed_crc, zlib.crc32(data))
+        at = 0
+        while at < size:
+            op, length = _HEAD.unpack_from(data, at)
+            at += _HEAD.size
+            if length > size - at:
+                raise ValueError("a record reaches beyond its chunk")
+            if op == Opcode.MESSAGE:
+                yield _message(data[at : at + length])
+            elif op in (Opcode.CHANNEL, Opcode.SCHEMA) and self._names < _MAX_NAMES:
+                self._names += 1
+                if op == Opcode.CHANNEL:
+                    yield Channel.read(ReadDataStream(BytesIO(data[at : at + length])))
+            else:
+                raise ValueError(f"a chunk holds a record of kind {op}, or very many channels")
+            at += length
+
+
+def metadata(source: IO[bytes], name: str) -> dict[str, str] | None:
+    """The metadata record ``name``, found by the summary of a file that can seek.
+
+    Raises
+    ------
+    ValueError, struct.error, McapError, OSError : the file has no sound summary
+    """
+    end = source.seek(-_FOOTER.size - len(MAGIC), 2)
+    op, size, start, *_ = _FOOTER.unpack(source.read(_FOOTER.size))
+    if (op, size) != (Opcode.FOOTER, 20) or not 0 < start <= end or source.read(8) != MAGIC:
+        raise ValueError("does not end as MCAP does")
+    source.seek(start)
+    while source.tell() < end:
+        op, content = _record(source)
+        if op == Opcode.METADATA_INDEX:
+            index = MetadataIndex.read(ReadDataStream(BytesIO(content)))
+            if index.name == name:
+                source.seek(index.offset)
+                if (found := _record(source))[0] != Opcode.METADATA:
+                    raise ValueError("the summary does not fit the content")
+                return dict(Metadata.read(ReadDataStream(BytesIO(found[1]))).metadata)
+    return None
+
+
+def _record(source: IO[bytes]) -> tuple[int, bytes]:
+    op, size = _HEAD.unpack(source.read(_HEAD.size))
+    if size > RECORD or len(content := source.read(size)) < size:
+        raise ValueError(f"a record of {size} bytes")
+    return op, content
+
+
+def _message(content: bytes) -> Message:
+    if len(content) > MESSAGE:
+        raise ValueError(f"a message of {len(content)} bytes")
+    channel, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(content)
+    return Message(channel, log_time, content[_MESSAGE_HEAD.size :], publish_time, sequence)
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    """The content of a chunk, of hardly more memory than it declares."""
+    size = chunk.uncompressed_size
+    if chunk.compression == "zstd":
+        inside = zstandard.get_frame_parameters(chunk.data).content_size
+        if inside not in (zstandard.CONTENTSIZE_UNKNOWN, size):
+            raise ValueError(f"a chunk declares {size} bytes, but its frame {inside}")
+        return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=max(1, size))
+    if chunk.compression == "lz4":
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1))
+    if chunk.compression:
+        raise ValueError(f"compression {chunk.compression[:20]!r} is not known here")
+    return chunk.data
