@@ -8,7 +8,7 @@ JOBS ?= 2
 SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check browser docs packaging verify bench marks control-table autoferry labyrinth gsncp-table clean
+.PHONY: demo test check browser docs packaging verify bench marks control-table autoferry labyrinth gsncp-table paper paper-quick clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -81,6 +81,15 @@ labyrinth: $(STAMP)
 # The DI-GSNCP paper's Fig. 2 as a table and as data: 100 runs, every method, on two cores.
 gsncp-table: $(STAMP)
 	$(BIN)/python benchmarks/gsncp_table.py --runs 100 --jobs $(JOBS) -o gsncp
+
+# Tables and figures of the papers, ours beside the published, into docs/results; about an hour on
+# two cores. What was made before, in build/pieces, is not made again.
+paper: $(STAMP)
+	PYTHONPATH=benchmarks $(BIN)/python -m papers -j $(JOBS)
+
+# The same with a tenth of the runs, into build/results.
+paper-quick: $(STAMP)
+	PYTHONPATH=benchmarks $(BIN)/python -m papers --quick -o build/results -j $(JOBS)
 
 clean:
 	rm -rf demo build dist docs/_build docs/reference *.egg-info .mypy_cache .ruff_cache .pytest_cache

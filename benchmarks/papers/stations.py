@@ -1,0 +1,89 @@
+"""Figures 3 and 4, capacity and error budget of Favarelli et al., and measured radar beside."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import autoferry_table as autoferry
+import jsc_table as jsc
+
+from echoset.estimators import mbm, phd
+from echoset.formats import scores as archive
+from echoset.metrics.table import concatenate
+from echoset.models.records import Scores
+
+from . import page
+from .pieces import Piece, share_of
+
+NAME = "stations"
+RUNS, SEED = 20, 1
+PRESETS = tuple(p for p in ("tuned", "paper") if p in phd.PRESETS and p in mbm.PRESETS)
+
+
+def pieces(share: float) -> list[Piece]:
+    """The runs, and the measured recordings that are there; less than a half has one preset."""
+    presets = PRESETS if share > 0.5 else PRESETS[:1]
+    found = [Piece(scored, (run, SEED, presets)) for run in range(share_of(RUNS, share))]
+    if (autoferry.ROOT / "autoferry").exists():
+        found += [Piece(measured, (scenario,)) for scenario in autoferry.SCENARIOS]
+    return found
+
+
+def scored(run: int, seed: int, presets: tuple[str, ...]) -> Scores:
+    """The scores of all conditions over one run."""
+    with TemporaryDirectory() as folder:
+        return archive.read(jsc.one(run, seed, presets, Path(folder)))
+
+
+def measured(scenario: int) -> list[str]:
+    """Rows of the table of measured radar."""
+    return list(autoferry.lines(scenario))
+
+
+def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
+    """Write the page, and the error over time as data."""
+    simulated = [r for p, r in results if p.make is scored]
+    found = [line for p, r in results if p.make is measured for line in r]
+    presets = next(p.arguments[2] for p, _ in results if p.make is scored)
+    scores = concatenate(simulated)
+    jsc.over_time(scores, folder / f"{NAME}-time.csv")
+    _, _, tables = "\n".join(jsc.tables(scores, presets, len(simulated), SEED)).partition("\n\n")
+    lines = "\n".join([autoferry.HEADER, *found]) if found else "They were not there."
+    caption = autoferry.CAPTION.format(block=autoferry.BLOCK) if found else ""
+    page.write(
+        folder,
+        NAME,
+        "Base stations that sense",
+        f"{len(simulated)} runs of `{jsc.SCENARIO}`, seed {SEED}.",
+        INTRODUCTION,
+        tables,
+        CAPACITY,
+        MEASURED,
+        lines,
+        caption,
+    )
+
+
+INTRODUCTION = """\
+E. Favarelli et al., *Multi-base station cooperative sensing with AI-aided tracking*, section IV."""
+CAPACITY = """\
+Published: 0.9 Gbit/s with all six sensing, more than 1 with three, 1.1 with none. The
+signal-to-noise ratio of the links is not published; ours is chosen so that none gives 1.1: what
+it loses to sensing is the result.
+
+## Figure 4
+
+OSPA over the first 100 scans as data: [stations-time.csv](stations-time.csv).
+
+## What is not here
+
+Figures 1 and 2 are sketches of the network and of the chain."""
+MEASURED = """\
+## Measured
+
+The paper has no measurements. In their place stand recordings of the Autoferry benchmark, marine
+radar with and without lidar, on which the same filters run; `make autoferry` prints them alone,
+where the recordings are."""
