@@ -7,10 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import control_table
+import numpy as np
+from matplotlib.figure import Figure
 
 from echoset.control import figures
 from echoset.control.campaign import Campaign, join, mean_over
 from echoset.models.records import Array
+from echoset.report.plots import style
+from echoset.report.plots.panels import legend
 
 from . import page
 from .pieces import Piece, chunks, share_of
@@ -33,16 +37,15 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
     found = {
         name: join(r for p, r in results if p.arguments[0] == name) for name in figures.CONDITIONS
     }
-    names = list(found)
     parts = []
-    for title, keys in (("2 and 3", names[:2]), ("4 and 5", names[2:4]), ("6", names[4:])):
+    for numbers, keys in FIGURES.items():
         some = {key: found[key] for key in keys}
-        runs = len(found[keys[0]].view)
-        parts += [
-            f"## Figures {title}: {runs} runs" if len(title) > 1 else f"## Figure 6: {runs} runs"
-        ]
-        parts += [LEGENDS[title], figures.activity(some, EVERY), ERRORS]
-        parts += [figures.errors(some, EVERY), LOOKS, figures.looks(some)]
+        name = f"{NAME}-{numbers.replace(' and ', '-')}.svg"
+        _draw(some, folder / name)
+        parts += [f"## Figure {numbers}: {len(found[keys[0]].view)} runs"]
+        parts += [f"![Targets in three regions, and error, over time]({name})"]
+        parts += [f"{ACTIVITY}; {LEGENDS[numbers]}.", figures.activity(some, EVERY)]
+        parts += [ERRORS, figures.errors(some, EVERY), LOOKS, figures.looks(some)]
     head = ["finding of the paper", "difference", "where", "ours"]
     page.write(
         folder,
@@ -54,6 +57,33 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
         *parts,
         MISSING,
     )
+
+
+def _draw(campaigns: Mapping[str, Campaign], path: Path) -> None:
+    """Number of targets and its absolute error in each region at every other step."""
+    steps = slice(None, None, 2)
+    with style.style():
+        figure = Figure(figsize=(18 * style.CM, 8 * style.CM), layout="constrained")
+        top, bottom = figure.subplots(2, 3, sharex=True, sharey="row")
+        for b in range(3):
+            for i, (name, c) in enumerate(campaigns.items()):
+                line = style.line(i)
+                line["marker"] = ""
+                mean = c.mean[:, steps, b].mean(0)
+                spread = np.sqrt(c.variance[:, steps, b]).mean(0)
+                step = 1 + 2 * np.arange(len(mean))
+                top[b].plot(step, mean, label=name, **line)
+                top[b].fill_between(
+                    step, mean - spread, mean + spread, color=line["color"], alpha=0.15, lw=0
+                )
+                bottom[b].plot(step, c.error[:, steps, b].mean(0), **line)
+            top[b].plot(step, c.true[:, steps, b].mean(0), label="true", **style.bound(0))
+            top[b].set_title(f"B{b + 1}")
+            bottom[b].set_xlabel("step")
+        top[0].set_ylabel("targets")
+        bottom[0].set_ylabel("absolute error")
+        legend(figure, top[0])
+    page.save(figure, path)
 
 
 def findings(found: Mapping[str, Campaign]) -> Iterator[list[str]]:
@@ -91,12 +121,16 @@ M. Andrecki, E. D. Delande, J. Houssineau and D. E. Clark, *Sensor management wi
 statistics for the PHD filter*. The paper prints curves and what they show, no numbers; scene,
 regions and views are the scenario's own. Mean absolute errors in the number of targets, and their
 paired differences, ± standard error over runs: a negative difference agrees with the paper."""
+FIGURES = {
+    "2 and 3": ("naive 0.6 1", "variance 0.6 1"),
+    "4 and 5": ("naive 0.8 10", "variance 0.8 10"),
+    "6": ("birth 0.05", "birth 1", "birth 20"),
+}
 ACTIVITY = "Number of targets in the regions: true, and mean ± standard deviation of the filter"
 LEGENDS = {
-    "2 and 3": f"{ACTIVITY}; detection probability 0.6, one false alarm a scan.",
-    "4 and 5": f"{ACTIVITY}; detection probability 0.8, ten false alarms a scan.",
-    "6": f"{ACTIVITY}; detection probability 0.8, one false alarm a scan, waves of targets, birth "
-    "rates 0.05, 1 and 20.",
+    "2 and 3": "detection probability 0.6, one false alarm a scan",
+    "4 and 5": "detection probability 0.8, ten false alarms a scan",
+    "6": "detection probability 0.8, one false alarm a scan, birth rates 0.05, 1 and 20",
 }
 ERRORS = "Absolute error in the number of targets ± standard error over runs:"
 LOOKS = "Share of looks at each region ± standard error over runs:"

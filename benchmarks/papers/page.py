@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from echoset.control.campaign import paired
 from echoset.formats.provenance import versions
@@ -28,7 +29,12 @@ def mean(values: Any, digits: int = 2) -> str:
 
 def picture(kind: str, inputs: Inputs, path: Path) -> None:
     """Draw a picture as ``echoset plot`` does."""
-    path.write_bytes(draw.save(draw.figure(kind, inputs), "svg", {}))
+    save(draw.figure(kind, inputs), path)
+
+
+def save(made: Figure, path: Path) -> None:
+    """Write a picture, with the same bytes each time."""
+    path.write_bytes(draw.save(made, "svg", {}))
 
 
 def write(folder: Path, name: str, title: str, source: str, *parts: str) -> None:

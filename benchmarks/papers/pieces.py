@@ -78,6 +78,7 @@ def sources() -> str:
 
 def complete(pieces: Iterable[Piece], folder: Path, jobs: int, title: str) -> None:
     """Make the pieces that ``folder`` lacks, ``jobs`` at a time."""
+    tqdm.monitor_interval = 0  # its thread must not be there when processes fork
     missing = [piece for piece in pieces if not piece.path(folder).exists()]
     with ProcessPoolExecutor(jobs) as pool:
         work = [pool.submit(piece.keep, folder) for piece in missing]

@@ -43,6 +43,10 @@ def test_a_page_is_made_once_and_taken_up_where_it_was(tmp_path):
         assert len(widths) == 1, table
     assert len(re.findall(r"-?\d+\.\d+ ± \d+\.\d+", page)) > 100
     assert "nan" not in page
+    pictures = re.findall(r"!\[.*?\]\((.*?)\)", page)
+    assert len(pictures) == 3
+    for picture in pictures:
+        assert (again / picture).read_bytes() == (first / picture).read_bytes()
 
 
 def test_what_decides_a_result_decides_its_file(tmp_path, monkeypatch):
