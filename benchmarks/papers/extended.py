@@ -45,7 +45,7 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
         folder,
         NAME,
         "Extended targets by jump MCMC",
-        f"{len({r['run'] for r in found})} runs of each scenario, seed {gsncp.SEED}.",
+        f"{len({r['run'] for r in found})} of its {RUNS} runs of each scenario, seed {gsncp.SEED}.",
         INTRODUCTION,
         *parts,
         BOUND,

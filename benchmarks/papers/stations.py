@@ -57,7 +57,7 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
         folder,
         NAME,
         "Base stations that sense",
-        f"{len(simulated)} runs of `{jsc.SCENARIO}`, seed {SEED}.",
+        f"{len(simulated)} of its {RUNS} runs of `{jsc.SCENARIO}`, seed {SEED}.",
         INTRODUCTION,
         tables,
         CAPACITY,

@@ -74,7 +74,7 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
         folder,
         NAME,
         "A UWB device on an extended object",
-        f"{runs} runs of `uwb-olos`, seed {marks.SEED}, 5000 particles, blind start.",
+        f"{runs} of its {RUNS} runs of `uwb-olos`, seed {marks.SEED}, 5000 particles, blind start.",
         INTRODUCTION,
         page.table(head, rows),
         FIGURES,
