@@ -8,7 +8,7 @@ JOBS ?= 2
 SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check browser docs packaging verify bench marks control-table autoferry labyrinth gsncp-table paper paper-quick clean
+.PHONY: demo test check browser docs packaging verify bench marks control-table autoferry labyrinth gsncp-table jsc-table paper paper-quick clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -82,8 +82,12 @@ labyrinth: $(STAMP)
 gsncp-table: $(STAMP)
 	$(BIN)/python benchmarks/gsncp_table.py --runs 100 --jobs $(JOBS) -o gsncp
 
-# Tables and figures of the papers, ours beside the published, into docs/results; about an hour on
-# two cores. What was made before, in build/pieces, is not made again.
+# Figures 3 and 4 of the paper on base stations that sense, with an error budget. An hour.
+jsc-table: $(STAMP)
+	$(BIN)/python benchmarks/jsc_table.py --jobs $(JOBS) -o jsc
+
+# Tables and figures of the papers, ours beside the published, into docs/results; up to ninety
+# minutes on two cores. What was made before, in build/pieces, is not made again.
 paper: $(STAMP)
 	PYTHONPATH=benchmarks $(BIN)/python -m papers -j $(JOBS)
 

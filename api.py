@@ -50,19 +50,23 @@ def estimate(recording: Recording, estimator: str, seed: int = 1, **parameters: 
     EstimatorError : the estimator diverged
     """
     module = registry.load("echoset.estimators", estimator)
-    setup = recording if getattr(module, "USES_TRUTH", False) else recording.setup()
+    told = getattr(module, "USES_TRUTH", False)
+    setup = recording if told else recording.setup()
     user = ("parameters", parameters)
     params = resolve(module.Params, *sensor_model(setup, module.Params), user)
     rng = generator(seed, f"estimate:{estimator}", recording.meta.name)
     steps = list(module.estimate(setup, recording.scans(), params, rng))
     if not steps:
         raise InputError(f"{recording.meta.name}: has no scans to estimate from")
+    origin = {"name": recording.meta.name, "digest": formats.observed_digest(recording)}
+    if told:
+        origin["content_digest"] = formats.content_digest(recording)
     provenance = {
         "estimator": estimator,
         "parameters": as_dict(params),
         "seed": seed,
         "versions": versions(),
-        "input": {"name": recording.meta.name, "digest": formats.observed_digest(recording)},
+        "input": origin,
     }
     meta = replace(recording.meta, provenance=provenance)
     return replace(concatenate(steps), meta=meta)

@@ -1,72 +1,214 @@
-"""Many tasks in this or in other processes: results in order, failures counted.
+"""Many tasks, done here, by processes or by a cluster: results in order, failures counted.
 
-Every task draws from streams of its own and writes files of its own, so that the number of
-processes changes nothing. Workers ignore Ctrl-C and leave at SIGTERM, which the parent sends when
-it is itself asked to end; either way their temporary files are removed.
+Every task draws from streams of its own and writes files of its own, so that who does it, when
+and how often changes nothing.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
-import time
-from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+import pickle
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import closing, contextmanager
-from itertools import islice
-from typing import Protocol, TypeVar, cast
+from dataclasses import dataclass
+from time import perf_counter
+from traceback import format_exception
+from typing import Generic, TypeVar, cast
 
 from ..models.errors import EchosetError, FormatError
 from . import exits, log, progress
+from .campaign import Campaign, Task
+from .outputs import say
+from .resume import REDO, SKIP, Decision
+from .summary import Summary
+from .workers import Here, Processes, Workers
 
-_AHEAD = 2
-"""Tasks that wait for a worker."""
-_GRACE = 5.0
-"""Seconds that a worker without parent has to clean up."""
-
-
-class Task(Protocol):
-    """Something to do; pickled on its way to a worker."""
-
-    @property
-    def label(self) -> str:
-        """What messages call it."""
+_ATTEMPTS = 3
+"""How often a task is tried whose worker dies."""
+_PATIENCE = 5.0
+"""Seconds without news after which the workers are looked after."""
 
 
 T = TypeVar("T", bound=Task)
 R = TypeVar("R")
-Outcome = tuple[R | None, Exception | None]
-"""The result of a task, or its error."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome(Generic[R]):
+    """What became of a task: its result, unless it was only decided on, or failed."""
+
+    decision: Decision | None = None
+    result: R | None = None
+    error: Exception | None = None
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Done(Generic[R]):
+    """Results of tasks that were run, numbers of those whose outputs are there, an exit code."""
+
+    results: list[R]
+    finished: list[int]
+    exit_code: int
 
 
 def run(
-    work: Callable[[T], R], tasks: Sequence[T], jobs: int = 1, keep_going: bool = False
-) -> tuple[list[R], int]:
-    """``work(task)`` for each of ``tasks``, in order, from ``jobs`` processes; and an exit code.
+    work: Callable[[T], R],
+    tasks: Sequence[T],
+    campaign: Campaign,
+    decide: Callable[[T], Decision] | None = None,
+    dry_run: bool = False,
+) -> Done[R]:
+    """``work(task)`` for each of ``tasks`` that ``decide`` does not skip, results in order.
 
     The first failure is raised. With ``keep_going`` each is told in a line, the rest is done, and
-    the exit code is the gravest, for :func:`echoset.cli.exits.end`.
+    the exit code is the gravest, for :func:`echoset.cli.exits.end`. A ``dry_run`` only says on
+    stdout what would be done.
     """
     many = len(tasks) > 1
-    outcomes = _pool(work, tasks, jobs) if many and jobs > 1 else _serial(work, tasks)
-    shown = progress.bar(outcomes, "file", len(tasks)) if many else outcomes
-    results: list[R] = []
-    codes: list[int] = []
-    with closing(outcomes):
-        for task, (result, error) in zip(tasks, shown, strict=True):
+    call = _Call(work, decide, dry_run)
+    good: dict[int, Outcome[R]] = {}
+    with (
+        Summary(len(tasks), None if dry_run else campaign.summary) as summary,
+        _swept(() if dry_run else tasks),
+        closing(_workers(campaign, len(tasks))) as workers,
+    ):
+        found = _outcomes(call, tasks, workers)
+        for number, outcome in progress.bar(found, "file", len(tasks)) if many else found:
+            task, error = tasks[number], outcome.error
             if error is None:
-                results.append(cast(R, result))
-            elif keep_going and many:
-                log.error(_named(task, exits.message(error)), error)
-                codes.append(exits.exit_code(error))
-            else:
+                good[number] = outcome
+                summary.add(outcome.decision)
+                if not dry_run:
+                    log.logger.info("%s", _told(task, outcome))
+                continue
+            summary.add_failure(task, error)
+            if not (campaign.keep_going and many):
                 raise _with_name(task, error)
-    if codes:
-        log.logger.warning("%d of %d failed", len(codes), len(tasks))
-    return results, exits.worst(codes, partial=bool(codes and results))
+            log.error(_named(task, exits.message(error)), error)
+    if summary.failures:
+        log.logger.warning("%s", summary.line())
+    finished = sorted(good)
+    if dry_run:
+        for number in finished:
+            say(_planned(tasks[number], good[number].decision))
+    ordered = [good[number] for number in finished]
+    return Done(
+        [cast(R, outcome.result) for outcome in ordered if _was_run(outcome.decision, dry_run)],
+        finished,
+        exits.worst(summary.codes, partial=bool(summary.codes and good)),
+    )
+
+
+def _workers(campaign: Campaign, tasks: int) -> Workers:
+    """Those who do ``tasks`` tasks."""
+    if campaign.cluster is not None:
+        from .cluster import Cluster
+
+        return Cluster(campaign.cluster)
+    jobs = min(campaign.jobs, tasks)
+    return Processes(jobs) if jobs > 1 else Here()
+
+
+@dataclass(frozen=True, slots=True)
+class _Call(Generic[T, R]):
+    """What a worker does with a task."""
+
+    work: Callable[[T], R]
+    decide: Callable[[T], Decision] | None
+    dry_run: bool
+
+    def __call__(self, task: T) -> Outcome[R]:
+        start = perf_counter()
+        try:
+            decision = self.decide(task) if self.decide else None
+            result = self.work(task) if _was_run(decision, self.dry_run) else None
+            return Outcome(decision, result, seconds=perf_counter() - start)
+        except BrokenPipeError:
+            raise
+        except Exception as error:
+            return Outcome(error=_portable(error))
+
+
+def _was_run(decision: Decision | None, dry_run: bool) -> bool:
+    return not (dry_run or (decision is not None and decision.action == SKIP))
+
+
+def _portable(error: Exception) -> Exception:
+    """``error`` as another process can have it, its traceback in a note."""
+    if not isinstance(error, EchosetError):
+        error.add_note("".join(format_exception(error)))
+    if not _pickles(error):
+        # Some libraries, distributed among them, have causes pickled too.
+        error.__cause__ = error.__context__ = None
+    return error if _pickles(error) else RuntimeError(f"{type(error).__name__}: {error}")
+
+
+def _pickles(error: Exception) -> bool:
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return False
+    return True
+
+
+def _outcomes(
+    call: _Call[T, R], tasks: Sequence[T], workers: Workers
+) -> Generator[tuple[int, Outcome[R]], None, None]:
+    """Number and outcome of each task, as they come; no more in flight than the workers can use."""
+    waiting = deque(range(len(tasks)))
+    flying: dict[Future[Outcome[R]], int] = {}
+    deaths: Counter[int] = Counter()
+    while waiting or flying:
+        while waiting and len(flying) < workers.width:
+            number = waiting.popleft()
+            flying[workers.submit(call, tasks[number])] = number
+        over = wait(flying, _PATIENCE, FIRST_COMPLETED).done
+        if not over:
+            workers.watch()
+        for future in over:
+            number = flying.pop(future)
+            task = tasks[number]
+            try:
+                outcome = future.result()
+            except workers.died:
+                deaths[number] += 1
+                if deaths[number] < _ATTEMPTS:
+                    log.logger.info("%s: its worker died: tried again", task.label)
+                    waiting.appendleft(number)
+                    continue
+                reason = "out of memory, or a crash inside a library"
+                error = f"its worker died {_ATTEMPTS} times: {reason}"
+                outcome = Outcome(error=EchosetError(_named(task, error)))
+            yield number, outcome
+
+
+@contextmanager
+def _swept(tasks: Sequence[Task]) -> Iterator[None]:
+    """Remove what killed processes have left of outputs of ``tasks``, before and after."""
+    from ..formats.atomic import sweep
+
+    paths = [task.target.path for task in tasks if task.target and task.target.path]
+    sweep(paths)
+    try:
+        yield
+    finally:
+        sweep(paths)
+
+
+def _told(task: Task, outcome: Outcome[R]) -> str:
+    if outcome.decision is not None and outcome.decision.action == SKIP:
+        return f"{task.label}: skipped: {outcome.decision.reason}"
+    if outcome.decision is not None and outcome.decision.action == REDO:
+        return f"{task.label}: redone in {outcome.seconds:.3f} s: {outcome.decision.reason}"
+    return f"{task.label}: done in {outcome.seconds:.3f} s"
+
+
+def _planned(task: Task, decision: Decision | None) -> str:
+    assert decision is not None, "a dry run decides"
+    where = task.target.path if task.target and task.target.path else "stdout"
+    return f"{decision.action} {where}: {decision.reason}"
 
 
 def _with_name(task: Task, error: Exception) -> Exception:
@@ -78,81 +220,3 @@ def _with_name(task: Task, error: Exception) -> Exception:
 
 def _named(task: Task, text: str) -> str:
     return text if task.label in text else f"{task.label}: {text}"
-
-
-def _outcome(work: Callable[[T], R], task: T) -> Outcome[R]:
-    try:
-        return work(task), None
-    except BrokenPipeError:
-        raise
-    except Exception as error:
-        return None, error
-
-
-def _serial(work: Callable[[T], R], tasks: Sequence[T]) -> Generator[Outcome[R], None, None]:
-    for task in tasks:
-        yield _outcome(work, task)
-
-
-def _pool(
-    work: Callable[[T], R], tasks: Sequence[T], jobs: int
-) -> Generator[Outcome[R], None, None]:
-    waiting = iter(tasks)
-    flying: deque[Future[Outcome[R]]] = deque()
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(jobs, len(tasks)), context, _start_worker, log.settings())
-    try:
-        while True:
-            for task in islice(waiting, jobs + _AHEAD - len(flying)):
-                with _held(exits.SIGNALS):
-                    flying.append(pool.submit(_in_worker, work, task))
-            if not flying:
-                break
-            yield flying[0].result()
-            flying.popleft()
-    finally:
-        with _held(exits.SIGNALS):
-            for process in multiprocessing.active_children() if flying else ():
-                process.terminate()
-            pool.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def _held(signals: Iterable[signal.Signals]) -> Iterator[None]:
-    """Hold ``signals`` back within the block; processes started there hold them back too."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _start_worker(verbosity: int, form: str) -> None:
-    """Leave Ctrl-C and hang-up to the parent, SIGTERM to the time of a task."""
-    exits.handle_signals(patience=0.0)
-    for signum in (signal.SIGINT, signal.SIGHUP):
-        signal.signal(signum, signal.SIG_IGN)
-    log.configure(verbosity, form)
-    threading.Thread(target=_leave_with_parent, daemon=True).start()
-
-
-def _leave_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os.kill(os.getpid(), signal.SIGTERM)
-    time.sleep(_GRACE)
-    os._exit(1)
-
-
-def _in_worker(work: Callable[[T], R], task: T) -> Outcome[R]:
-    """``work(task)``, unless SIGTERM comes: then this and every later task is left."""
-    try:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGTERM])
-        try:
-            return _outcome(work, task)
-        finally:
-            signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
-    except exits.Terminated as error:
-        os.kill(os.getpid(), signal.SIGTERM)
-        return None, InterruptedError(str(error))

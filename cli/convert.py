@@ -2,33 +2,75 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 import click
 
 from . import options
-from .outputs import DASH, Policy, Target, plan, scores_format, single
+from .campaign import Campaign
+from .outputs import DASH, Policy, Target, plan, scores_format
 
 if TYPE_CHECKING:
     from ..models.records import Estimates, Recording, Scores
+    from .resume import Decision
+
+
+@dataclass(frozen=True, slots=True)
+class Import:
+    """An importer, the logs that make one recording, and what the user says of them."""
+
+    name: str
+    inputs: tuple[str, ...]
+    mapping: str | None
+    config: str | None
+    settings: tuple[str, ...]
+
+    def read(self) -> Recording:
+        """The recording."""
+        from ..models.parameters import resolve
+        from ..models.registry import load
+        from .config import layers
+
+        module = load("echoset.importers", self.name)
+        first = (("--mapping", {"mapping": self.mapping}),) if self.mapping else ()
+        params = resolve(module.Params, *first, *layers(self.config, self.settings))
+        recording: Recording = module.read([Path(source) for source in self.inputs], params)
+        return recording
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A file to be written in another format."""
+    """A file to be written in another format, or to be imported."""
 
     label: str
     target: Target
+    foreign: Import | None = None
 
 
 def convert(task: Task) -> None:
     """Read a file and write the same content in another format."""
     from .inputs import read, read_any
 
-    record = read(DASH) if task.label == DASH else read_any(task.label)
-    _write(record, task.target)
+    if task.foreign is not None:
+        _write(task.foreign.read(), task.target)
+    else:
+        _write(read(DASH) if task.label == DASH else read_any(task.label), task.target)
+
+
+def decide(task: Task) -> Decision:
+    """Whether the file has to be written: not if its content is the same already."""
+    from ..formats import stamp
+    from . import resume
+
+    if task.foreign is not None or task.label == DASH:
+        return resume.decide(replace(task.target, resume=False), dict)
+
+    def expected() -> dict[str, str]:
+        return {"content_digest": stamp(Path(task.label))["content_digest"]}
+
+    return resume.decide(task.target, expected)
 
 
 def _write(record: Recording | Estimates | Scores, target: Target) -> None:
@@ -49,7 +91,7 @@ def _write(record: Recording | Estimates | Scores, target: Target) -> None:
 
 
 @click.command("convert")
-@click.argument("inputs", nargs=-1, required=True, metavar="IN...", type=click.Path())
+@options.inputs("inputs", "IN...")
 @options.output("File, folder (with a slash at the end) or - for stdout.")
 @options.data_format
 @click.option(
@@ -73,10 +115,8 @@ def command(
     mapping: str | None,
     config: str | None,
     settings: tuple[str, ...],
-    overwrite: bool,
-    skip_existing: bool,
-    jobs: int,
-    keep_going: bool,
+    policy: Policy,
+    campaign: Campaign,
 ) -> None:
     """Write IN in another format, or import it.
 
@@ -91,36 +131,18 @@ def command(
     from . import batch, exits
     from .inputs import SCORES
 
-    policy = Policy(overwrite, skip_existing, keep_going)
     if importer:
+        inputs, known = campaign.places(inputs), (mapping, config, settings)
         target = plan(output, [PurePath(inputs[0]).stem], form, policy)[0]
-        if target is not None:
-            _write(_imported(importer, inputs, mapping, config, settings), target)
-        return
-    if mapping or config or settings:
+        tasks = [Task(inputs[0], campaign.target(target), Import(importer, inputs, *known))]
+    elif mapping or config or settings:
         raise ParameterError("--mapping, --config and --set are for imports: name one by --from")
-    if PurePath(output).suffix in SCORES and len(inputs) == 1:
-        targets: list[Target | None] = [single(output, scores_format(output), overwrite)]
     else:
-        targets = plan(output, [PurePath(source).stem for source in inputs], form, policy)
-    pairs = zip(inputs, targets, strict=True)
-    tasks = [Task(source, target) for source, target in pairs if target is not None]
-    exits.end(batch.run(convert, tasks, jobs, keep_going)[1])
-
-
-def _imported(
-    name: str,
-    inputs: tuple[str, ...],
-    mapping: str | None,
-    config: str | None,
-    settings: tuple[str, ...],
-) -> Recording:
-    from ..models.parameters import resolve
-    from ..models.registry import load
-    from .config import layers
-
-    module = load("echoset.importers", name)
-    first = (("--mapping", {"mapping": mapping}),) if mapping else ()
-    params = resolve(module.Params, *first, *layers(config, settings))
-    recording: Recording = module.read([Path(source) for source in inputs], params)
-    return recording
+        if PurePath(output).suffix in SCORES and len(inputs) == 1:
+            targets = [policy.target(Path(output), scores_format(output), late=False)]
+        else:
+            stems = [PurePath(source).stem for source in inputs]
+            targets = plan(output, stems, form, policy, late=campaign.keep_going)
+        pairs = zip(campaign.places(inputs), map(campaign.target, targets), strict=True)
+        tasks = [Task(source, target) for source, target in pairs]
+    exits.end(batch.run(convert, tasks, campaign, decide, policy.dry_run).exit_code)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
 import click
 
 from . import options
-from .outputs import DASH, Policy, plan, scores_format, single
+from .campaign import Campaign
+from .outputs import DASH, Policy, Target, plan, scores_format, single
 
 
 @click.command("estimate")
@@ -20,7 +21,7 @@ from .outputs import DASH, Policy, plan, scores_format, single
     type=options.Name("echoset.estimators"),
     help="Name from 'echoset list estimators'.",
 )
-@click.argument("inputs", nargs=-1, required=True, metavar="IN...", type=click.Path())
+@options.inputs("inputs", "IN...")
 @options.output("File, folder (with a slash at the end) or - for stdout.")
 @options.data_format
 @click.option("--preset", metavar="NAME", help="Named set of parameters of the estimator.")
@@ -39,6 +40,7 @@ from .outputs import DASH, Policy, plan, scores_format, single
     metavar="FILE",
     help="Write the seconds of every step as scores, .csv, .json or .h5.",
 )
+@options.deps
 @options.existing
 @options.batch
 @options.logging_options
@@ -54,10 +56,9 @@ def command(
     ignore_sensor_model: bool,
     keep: bool,
     timing: str | None,
-    overwrite: bool,
-    skip_existing: bool,
-    jobs: int,
-    keep_going: bool,
+    deps: str | None,
+    policy: Policy,
+    campaign: Campaign,
 ) -> None:
     """Run an estimator over the recordings IN.
 
@@ -72,10 +73,10 @@ def command(
     from ..models.errors import InputError, ParameterError
     from ..models.parameters import resolve
     from ..models.registry import load
-    from . import batch, exits
+    from . import batch, exits, makefile
     from . import config as configuration
     from . import timing as timings
-    from .estimation import GROUP, Task, estimate
+    from .estimation import GROUP, Task, decide, estimate
 
     if DASH in inputs and len(inputs) > 1:
         raise ParameterError("stdin holds one recording: '-' is to be the only input")
@@ -84,19 +85,30 @@ def command(
     with suppress(InputError):
         resolve(module.Params, *user)
     stems = ["stdin" if source == DASH else PurePath(source).stem for source in inputs]
-    policy = Policy(overwrite, skip_existing, keep_going)
-    targets = plan(output, [f"{stem}.{estimator}" for stem in stems], form, policy)
+    names = [f"{stem}.{estimator}" for stem in stems]
+    targets = plan(output, names, form, policy, late=campaign.keep_going)
     tasks = [
         Task(source, target, estimator, user, not ignore_sensor_model, seed, len(inputs) == 1)
-        for source, target in zip(inputs, targets, strict=True)
-        if target is not None
+        for source, target in zip(
+            campaign.places(inputs), map(campaign.target, targets), strict=True
+        )
     ]
-    sink = single(timing, scores_format(timing), overwrite) if timing and tasks else None
-    times, code = batch.run(estimate, tasks, jobs, keep_going)
-    if sink and times:
+    makefile.check(deps, targets, inputs)
+    sink = _sink(timing, policy) if timing else None
+    done = batch.run(estimate, tasks, campaign, decide, policy.dry_run)
+    if sink and done.results:
         with sink.open() as target:
-            scores.write(timings.scores(times), target, sink.format)
-    exits.end(code)
+            scores.write(timings.scores(done.results), target, sink.format)
+    if not policy.dry_run:
+        makefile.write(deps, ((targets[k], (inputs[k], config)) for k in done.finished))
+    exits.end(done.exit_code)
+
+
+def _sink(timing: str, policy: Policy) -> Target:
+    """Where times go; when a campaign is resumed, what is there is in the way of new times only."""
+    if policy.skip_existing and timing != DASH:
+        return Target(Path(timing), scores_format(timing))
+    return single(timing, scores_format(timing), policy.overwrite)
 
 
 def _chosen(module: Any, estimator: str, preset: str | None, keep: bool) -> Any:

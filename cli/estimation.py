@@ -13,7 +13,7 @@ from typing import Any
 
 from numpy.linalg import LinAlgError
 
-from ..formats import EstimatesWriter, estimates_writer, open_source, read
+from ..formats import EstimatesWriter, estimates_writer, open_source, read, stamp
 from ..formats.provenance import versions
 from ..models.checks import check_objects, check_steps
 from ..models.errors import EstimatorError, FormatError, InputError
@@ -21,10 +21,11 @@ from ..models.parameters import as_dict, resolve, sensor_model
 from ..models.random import generator
 from ..models.records import Estimates, Meta, Recording
 from ..models.registry import load
-from . import progress
+from . import progress, resume
 from .config import Layer
 from .inputs import label, stdin
 from .outputs import DASH, Target
+from .resume import Decision
 
 GROUP = "echoset.estimators"
 
@@ -75,10 +76,9 @@ def estimate(task: Task) -> Timing:
     carried = piped and task.target.path is None
     source = open_source(stdin() if piped else Path(task.source), task.label, keep=carried)
     try:
-        told = getattr(module, "USES_TRUTH", False)
-        setup = _visible(_whole(task) if told else source.setup, module.STREAMS, task)
-        stated = sensor_model(setup, module.Params) if task.use_sensor_model else ()
-        params = resolve(module.Params, *stated, *task.layers)
+        setup = _whole(task) if _uses_truth(module) else source.setup
+        setup = _visible(setup, module.STREAMS, task)
+        params = _parameters(setup, module, task)
         rng = generator(task.seed, f"estimate:{task.estimator}", setup.meta.name)
         scans = source.scans()
         seen = (scan for scan in scans if scan.stream in setup.streams)
@@ -91,7 +91,7 @@ def estimate(task: Task) -> Timing:
                 deque(scans, maxlen=0)
                 if not timing.time_ns:
                     raise InputError(f"{task.label}: has no scans to estimate from")
-                origin = {"name": meta.name, "digest": source.observed_digest}
+                origin = _origin(task, module, meta.name, source.observed_digest)
                 meta = replace(meta, provenance={**meta.provenance, "input": origin})
                 writer.close(meta, source.recording() if carried else None)
                 return timing
@@ -99,6 +99,50 @@ def estimate(task: Task) -> Timing:
                 writer.abort()
     finally:
         source.close()
+
+
+def expected(task: Task) -> dict[str, Any]:
+    """The provenance of the estimates that :func:`estimate` would write.
+
+    Of the recording only headers are read.
+
+    Raises
+    ------
+    InputError, ParameterError : as :func:`estimate`
+    """
+    module = load(GROUP, task.estimator)
+    path = Path(task.source)
+    source = open_source(path, task.label)
+    try:
+        setup = _visible(source.setup, module.STREAMS, task)
+    finally:
+        source.close()
+    origin = _origin(task, module, setup.meta.name, stamp(path)["observed_digest"])
+    return {**_provenance(task, _parameters(setup, module, task)), "input": origin}
+
+
+def decide(task: Task) -> Decision:
+    """Whether the estimates have to be made."""
+    if task.source == DASH:
+        return resume.decide(replace(task.target, resume=False), dict)
+    return resume.decide(task.target, lambda: expected(task))
+
+
+def _origin(task: Task, module: Any, name: str, digest: str) -> dict[str, str]:
+    """Which recording the estimates are of; the truth counts where the estimator uses it."""
+    origin = {"name": name, "digest": digest}
+    if _uses_truth(module):
+        origin["content_digest"] = str(stamp(Path(task.source))["content_digest"])
+    return origin
+
+
+def _uses_truth(module: Any) -> bool:
+    return bool(getattr(module, "USES_TRUTH", False))
+
+
+def _parameters(setup: Recording, module: Any, task: Task) -> Any:
+    stated = sensor_model(setup, module.Params) if task.use_sensor_model else ()
+    return resolve(module.Params, *stated, *task.layers)
 
 
 def _whole(task: Task) -> Recording:

@@ -9,10 +9,11 @@
 5          output exists or cannot be written
 6          a ``--fail-if`` gate
 7          estimator failed
+75         a lock is held, or a cluster cannot be reached: try again later
 128 + n    ended by signal n: 129 hang-up, 130 Ctrl-C, 141 closed pipe, 143 SIGTERM
 =========  =========================================================================
 
-Where several apply: signal > 1 > 7 > 5 > 4 > 3.
+Where several apply: signal > 75 > 1 > 7 > 5 > 4 > 3.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from threading import Timer
 from time import monotonic
 from types import FrameType
 
@@ -33,7 +35,16 @@ from . import log
 
 SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
 PARTIAL, GATE = 3, 6
+_SOON = 0.05
 _RANKING = (1, 7, 5, 4, PARTIAL)
+MEANINGS = {
+    1: "internal error, or a worker that died",
+    2: "configuration",
+    4: "input unreadable, corrupt or lacking what is needed",
+    5: "output exists or cannot be written",
+    7: "estimator failed",
+}
+"""What failed where a task ends with this code."""
 
 
 class Terminated(SystemExit):
@@ -72,6 +83,8 @@ def message(error: BaseException) -> str:
     """What the user is told of ``error``."""
     if isinstance(error, EchosetError):
         return str(error)
+    if isinstance(error, Terminated):
+        return f"ended by signal {int(str(error.code)) - 128}"
     return f"internal error: {type(error).__name__}: {error}"
 
 
@@ -79,7 +92,7 @@ def handle_signals(patience: float = 1.0) -> None:
     """Let the signals of :data:`SIGNALS` unwind the process, unless they are ignored.
 
     Another one within ``patience`` seconds changes nothing: some senders signal both a process
-    and its group.
+    and its group. One that came where Python drops exceptions, as in a finalizer, comes again.
     """
     last = -math.inf
 
@@ -89,6 +102,19 @@ def handle_signals(patience: float = 1.0) -> None:
         if last - before >= patience:
             raise Terminated(signum)
 
+    report = sys.unraisablehook
+
+    def send_again(dropped: sys.UnraisableHookArgs) -> None:
+        nonlocal last
+        if not isinstance(dropped.exc_value, Terminated):
+            report(dropped)
+            return
+        last = -math.inf
+        again = Timer(_SOON, os.kill, (os.getpid(), int(str(dropped.exc_value.code)) - 128))
+        again.daemon = True
+        again.start()
+
+    sys.unraisablehook = send_again
     for signum in SIGNALS:
         if signal.getsignal(signum) is not signal.SIG_IGN:
             signal.signal(signum, terminate)
@@ -98,10 +124,12 @@ def handle_signals(patience: float = 1.0) -> None:
 def signals() -> Iterator[None]:
     """:func:`handle_signals` within the block."""
     before = {signum: signal.getsignal(signum) for signum in SIGNALS}
+    report = sys.unraisablehook
     handle_signals()
     try:
         yield
     finally:
+        sys.unraisablehook = report
         for signum, handler in before.items():
             signal.signal(signum, handler)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import IO
@@ -16,6 +17,27 @@ SCORES = (".csv", ".json")
 def label(source: str) -> str:
     """What messages call an input."""
     return "<stdin>" if source == DASH else source
+
+
+def listed(word: str) -> list[str]:
+    """The files that ``word`` stands for: those that ``@FILE`` lists line by line, or itself.
+
+    Raises
+    ------
+    ParameterError : the list cannot be read, or is empty
+    """
+    if not word.startswith("@") or word == "@":
+        return [word]
+    name = word[1:]
+    try:
+        data = stdin().read() if name == DASH else Path(name).read_bytes()
+    except OSError as error:
+        hint = f" (a file of this name: ./{word})" if Path(word).exists() else ""
+        raise ParameterError(f"{word}: {error.strerror}{hint}") from None
+    found = [line for line in os.fsdecode(data).splitlines() if line.strip()]
+    if not found:
+        raise ParameterError(f"{word}: lists no files")
+    return found
 
 
 def stdin() -> IO[bytes]:

@@ -12,12 +12,18 @@ logger = logging.getLogger("echoset")
 _LEVELS = {-1: logging.ERROR, 0: logging.WARNING, 1: logging.INFO, 2: logging.DEBUG}
 
 
+def _time(record: logging.LogRecord, precision: str) -> str:
+    """ISO 8601 in UTC."""
+    return datetime.fromtimestamp(record.created, UTC).isoformat(timespec=precision)
+
+
 class _Text(logging.Formatter):
-    """``echoset: error: ...``; below a warning without the level."""
+    """``echoset: error: ...``; below a warning without the level, off a terminal with the time."""
 
     def format(self, record: logging.LogRecord) -> str:
         level = f"{record.levelname.lower()}: " if record.levelno >= logging.WARNING else ""
-        return f"echoset: {level}{_one_line(record)}" + self._traceback(record)
+        time = "" if sys.stderr.isatty() else _time(record, "seconds").replace("+00:00", "Z ")
+        return f"{time}echoset: {level}{_one_line(record)}" + self._traceback(record)
 
     def _traceback(self, record: logging.LogRecord) -> str:
         return "\n" + self.formatException(record.exc_info) if record.exc_info else ""
@@ -28,7 +34,7 @@ class _Json(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         entry = {
-            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "time": _time(record, "milliseconds"),
             "level": record.levelname.lower(),
             "message": _one_line(record),
         }

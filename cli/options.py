@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from functools import wraps
+from typing import Any, TypeVar, cast
 
 import click
 from click.shell_completion import CompletionItem
 from click.types import StringParamType
 
 from . import log
+from .campaign import campaign
+from .outputs import Policy
 
 F = TypeVar("F", bound=Callable[..., Any])
 _VERBOSITY, _FORM = "echoset.verbosity", "echoset.form"
@@ -86,12 +89,35 @@ data_format: Callable[[F], F] = click.option(
     help="Format of the output, h5 or mcap.  [default: by suffix; h5 in a folder, mcap on stdout]",
 )
 
-existing: Callable[[F], F] = _chain(
-    click.option("--overwrite", is_flag=True, help="Replace outputs that exist."),
-    click.option("--skip-existing", is_flag=True, help="Leave outputs that exist, make the rest."),
-)
 overwrite: Callable[[F], F] = click.option(
     "--overwrite", is_flag=True, help="Replace an output that exists."
+)
+
+
+def _gathered(name: str, make: Callable[..., Any], *options: str) -> Callable[[F], F]:
+    """The values of ``options``, given to the command as one argument ``name``."""
+
+    def decorate(function: F) -> F:
+        @wraps(function)
+        def command(**values: Any) -> Any:
+            given = {option: values.pop(option) for option in options}
+            return function(**values, **{name: make(**given)})
+
+        return cast(F, command)
+
+    return decorate
+
+
+existing: Callable[[F], F] = _chain(
+    click.option("--overwrite", is_flag=True, help="Replace outputs that exist."),
+    click.option(
+        "--skip-existing",
+        is_flag=True,
+        help="Leave outputs that are complete and made from the same input, parameters, seed and "
+        "versions; make the rest, and make again what is not so.",
+    ),
+    click.option("--dry-run", is_flag=True, help="Only say what would be run, redone or skipped."),
+    _gathered("policy", Policy, "overwrite", "skip_existing", "dry_run"),
 )
 
 batch: Callable[[F], F] = _chain(
@@ -104,9 +130,48 @@ batch: Callable[[F], F] = _chain(
         help="Number of processes; the results do not depend on it.",
     ),
     click.option(
+        "--cluster",
+        metavar="ADDRESS",
+        help="Have the work done by a Dask cluster: tcp://HOST:PORT, or its scheduler file.",
+    ),
+    click.option(
         "--keep-going", is_flag=True, help="Go on with the other inputs when one has failed."
     ),
+    click.option(
+        "--summary",
+        type=click.Path(),
+        metavar="FILE",
+        help="Write what was done and what failed why, as JSON.",
+    ),
+    click.option(
+        "--lock",
+        type=click.Path(),
+        metavar="FILE",
+        help="End with exit code 75 if another command holds the lock FILE.",
+    ),
+    _gathered("campaign", campaign, "jobs", "cluster", "keep_going", "summary", "lock"),
 )
+
+deps: Callable[[F], F] = click.option(
+    "--deps",
+    type=click.Path(),
+    metavar="FILE",
+    help="Write Makefile rules that say which inputs each output was made from.",
+)
+
+
+def inputs(name: str, metavar: str) -> Callable[[F], F]:
+    """The files to work on; ``@FILE`` stands for those that FILE lists, ``@-`` for stdin's."""
+    return click.argument(
+        name, nargs=-1, required=True, metavar=metavar, type=click.Path(), callback=_listed
+    )
+
+
+def _listed(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
+    from .inputs import listed
+
+    return tuple(path for word in value for path in listed(word))
+
 
 settings: Callable[[F], F] = click.option(
     "--set",

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import IO
 
 from ..models.errors import OutputError, ParameterError
-from . import exits, log
+from . import exits
 
 DASH = "-"
 BINARY = ("h5", "mcap")
@@ -23,11 +23,16 @@ _SEEKING = ("h5",)
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """One output: a file, or stdout where ``path`` is None, in a named format."""
+    """One output: a file, or stdout where ``path`` is None, in a named format.
+
+    Where it exists, it is left as it is if ``resume`` and it is what would be written; else it is
+    replaced or, unless ``overwrite``, an error.
+    """
 
     path: Path | None
     format: str
     overwrite: bool = False
+    resume: bool = False
 
     @contextmanager
     def open(self) -> Iterator[Path | IO[bytes]]:
@@ -121,32 +126,31 @@ def scores_format(output: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """What becomes of outputs that exist: an error at once, or with ``late`` only of its own."""
+    """What becomes of outputs that exist; with ``dry_run`` that is only said."""
 
     overwrite: bool = False
     skip_existing: bool = False
-    late: bool = False
+    dry_run: bool = False
 
     def __post_init__(self) -> None:
         if self.overwrite and self.skip_existing:
             raise ParameterError("--overwrite and --skip-existing exclude each other")
 
-    def target(self, path: Path, form: str) -> Target | None:
-        """The target at ``path``, None if it is to be skipped."""
+    def target(self, path: Path, form: str, late: bool) -> Target:
+        """The target at ``path``; where that may not be replaced, an error now or later."""
         from ..formats.atomic import refuse_existing
 
-        if self.skip_existing and path.is_file():
-            log.logger.info("%s: exists, skipped", path)
-            return None
-        if not self.late:
-            refuse_existing(path, self.overwrite)
-        return Target(path, form, self.overwrite)
+        overwrite = self.overwrite or self.skip_existing
+        if not late:
+            refuse_existing(path, overwrite)
+        # What was not there before is what a worker made, if it was lost before it said so.
+        return Target(path, form, overwrite, self.skip_existing or not path.exists())
 
 
 def plan(
-    output: str, names: Sequence[str], form: str | None, policy: Policy
-) -> list[Target | None]:
-    """The target of each of ``names``: recordings or estimates; None for one to be skipped.
+    output: str, names: Sequence[str], form: str | None, policy: Policy, late: bool = False
+) -> list[Target]:
+    """The target of each of ``names``: recordings or estimates.
 
     A folder (that exists, or is written with a slash at the end) takes ``<name>.<suffix>``, a file
     or stdout one output only.
@@ -154,7 +158,7 @@ def plan(
     Raises
     ------
     ParameterError : several outputs into one, a format that is unknown or for no terminal
-    OutputError : an output exists and is to be neither overwritten nor skipped
+    OutputError : an output exists and may not be replaced; with ``late`` only its task fails
     """
     from ..formats import suffix_format
     from ..models.registry import load
@@ -165,9 +169,9 @@ def plan(
         twice = [name for name, count in Counter(names).items() if count > 1]
         if twice:
             raise ParameterError(f"-o {output}: two outputs would be called {twice[0]}{suffix}")
-        return [policy.target(Path(output) / (name + suffix), form) for name in names]
+        return [policy.target(Path(output) / (name + suffix), form, late) for name in names]
     if len(names) > 1:
         raise ParameterError(f"-o {output}: {len(names)} outputs need a folder, such as -o out/")
     form = form or ("mcap" if output == DASH else suffix_format(Path(output)))
     load("echoset.formats", form)
-    return [single(output, form) if output == DASH else policy.target(Path(output), form)]
+    return [single(output, form) if output == DASH else policy.target(Path(output), form, late)]

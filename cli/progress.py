@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -24,7 +25,7 @@ def bar(items: Iterable[T], unit: str, total: int | None = None) -> Iterator[T]:
 
 @cache
 def announce_compilation() -> None:
-    """Have numba's first compilation said on stderr; without numba in use, nothing."""
+    """Have numba's first compilation said on a terminal; without numba in use, nothing."""
     if "numba" not in sys.modules:
         return
     event: Any = import_module("numba.core.event")
@@ -36,7 +37,8 @@ def announce_compilation() -> None:
 
         def on_start(self, event: object) -> None:
             if not self.said:
-                log.logger.warning("compiling numerical kernels, which are kept for later runs")
+                level = logging.WARNING if sys.stderr.isatty() else logging.INFO
+                log.logger.log(level, "compiling numerical kernels, kept for later runs")
             self.said = True
 
         def on_end(self, event: object) -> None:

@@ -21,11 +21,12 @@ _KEYS = ("scenario", "parameters")
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A scenario: what its recordings are called, its entry point, and its parameters."""
+    """A scenario: what its recordings are called, its entry point, its parameters, its file."""
 
     title: str
     name: str
     layers: tuple[Layer, ...]
+    file: str | None = None
 
     @property
     def module(self) -> Any:
@@ -44,7 +45,7 @@ def find(text: str) -> Scenario:
         return Scenario(text, text, _defaults(text))
     path = Path(text)
     name, parameters = _read(path)
-    return Scenario(path.stem, name, (*_defaults(name), (text, parameters)))
+    return Scenario(path.stem, name, (*_defaults(name), (text, parameters)), text)
 
 
 def _defaults(name: str) -> tuple[Layer, ...]:

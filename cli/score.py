@@ -5,11 +5,12 @@ from __future__ import annotations
 import click
 
 from . import options
+from .campaign import Campaign
 from .outputs import DASH, scores_format, single
 
 
 @click.command("score")
-@click.argument("estimates", nargs=-1, required=True, metavar="EST...", type=click.Path())
+@options.inputs("estimates", "EST...")
 @click.option(
     "--truth",
     multiple=True,
@@ -41,6 +42,7 @@ from .outputs import DASH, scores_format, single
 @options.settings
 @options.output("Scores, .csv, .json or .h5, or - for CSV on stdout.", default=DASH)
 @options.overwrite
+@options.deps
 @options.batch
 @options.logging_options
 def command(
@@ -54,8 +56,8 @@ def command(
     settings: tuple[str, ...],
     output: str,
     overwrite: bool,
-    jobs: int,
-    keep_going: bool,
+    deps: str | None,
+    campaign: Campaign,
 ) -> None:
     """Measure the estimates EST against the truth.
 
@@ -71,8 +73,9 @@ def command(
     from ..metrics import segments as spans
     from ..metrics.table import concatenate
     from ..models import registry
-    from . import batch, exits, log
+    from . import batch, exits, log, makefile
     from . import config as configuration
+    from . import truth as recordings
     from .gate import Gate
     from .scoring import GROUP, Task, layers, score
 
@@ -81,10 +84,12 @@ def command(
     bounds = spans.parse(segments) if segments else ()
     names = [name.strip() for name in metrics.split(",")] if metrics else registry.names(GROUP)
     chosen = layers(names, configuration.layers(config, settings))
-    tasks = [Task(source, truth, chosen, required=bool(metrics)) for source in estimates]
-    tables, code = batch.run(score, tasks, jobs, keep_going)
+    makefile.check(deps, [target], estimates)
+    places = campaign.places(truth)
+    tasks = [Task(s, places, chosen, required=bool(metrics)) for s in campaign.places(estimates)]
+    done = batch.run(score, tasks, campaign)
     quadratic = {q for name in names for q in registry.load(GROUP, name).QUADRATIC}
-    table = concatenate(tables)
+    table = concatenate(done.results)
     if bounds:
         table = spans.segments(table, bounds, quadratic)
     if pool:
@@ -92,6 +97,10 @@ def command(
     failures = [line for limit in limits for line in limit.failures(table)]
     with target.open() as opened:
         files.write(table, opened, target.format)
+    if deps:
+        sources = [estimates[k] for k in done.finished]
+        used = [str(path) for s in sources if (path := recordings.located(s, truth))]
+        makefile.write(deps, [(target, dict.fromkeys([*sources, *used, config]))])
     for line in failures:
         log.error(f"gate: {line}")
-    exits.end(code or (exits.GATE if failures else 0))
+    exits.end(done.exit_code or (exits.GATE if failures else 0))

@@ -30,6 +30,7 @@ class Task:
     truth: tuple[str, ...]
     metrics: Layers
     required: bool
+    target: None = None
 
     @property
     def label(self) -> str:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import options
+from .campaign import Campaign
 from .outputs import DASH, Policy, Target, plan
+
+if TYPE_CHECKING:
+    from .resume import Decision
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +27,34 @@ class Task:
     target: Target
 
 
+def expected(task: Task) -> dict[str, Any]:
+    """Name and provenance of the recording that :func:`simulate` would write."""
+    return {"name": task.label, **_provenance(task)}
+
+
+def decide(task: Task) -> Decision:
+    """Whether the recording has to be made."""
+    from . import resume
+
+    return resume.decide(task.target, lambda: expected(task))
+
+
+def _provenance(task: Task) -> dict[str, Any]:
+    from ..formats.provenance import versions
+    from ..models.parameters import as_dict
+
+    return {
+        "scenario": task.scenario,
+        "parameters": as_dict(task.parameters),
+        "seed": task.seed,
+        "run": task.run,
+        "versions": versions(),
+    }
+
+
 def simulate(task: Task) -> None:
     """Simulate one recording and write it."""
     from ..formats import write
-    from ..formats.provenance import versions
-    from ..models.parameters import as_dict
     from ..models.random import generator
     from ..models.registry import load
     from .progress import announce_compilation
@@ -37,14 +64,7 @@ def simulate(task: Task) -> None:
     announce_compilation()
     rng = generator(task.seed, "simulate", task.label)
     recording = module.simulate(task.parameters, rng, task.label)
-    provenance = {
-        **recording.meta.provenance,
-        "scenario": task.scenario,
-        "parameters": as_dict(task.parameters),
-        "seed": task.seed,
-        "run": task.run,
-        "versions": versions(),
-    }
+    provenance = {**recording.meta.provenance, **_provenance(task)}
     meta = replace(recording.meta, provenance=provenance)
     with task.target.open() as target:
         write(replace(recording, meta=meta), target, task.target.format)
@@ -70,6 +90,7 @@ def simulate(task: Task) -> None:
 @options.settings
 @options.output("File, folder (with a slash at the end) or - for stdout.")
 @options.data_format
+@options.deps
 @options.existing
 @options.batch
 @options.logging_options
@@ -81,10 +102,9 @@ def command(
     settings: tuple[str, ...],
     output: str,
     form: str | None,
-    overwrite: bool,
-    skip_existing: bool,
-    jobs: int,
-    keep_going: bool,
+    deps: str | None,
+    policy: Policy,
+    campaign: Campaign,
 ) -> None:
     """Simulate recordings of SCENARIO.
 
@@ -97,7 +117,7 @@ def command(
     """
     from ..models.errors import ParameterError
     from ..models.parameters import resolve
-    from . import batch, exits
+    from . import batch, exits, makefile
     from .config import layers
     from .scenarios import find
 
@@ -107,10 +127,13 @@ def command(
     parameters = resolve(found.module.Params, *found.layers, *layers(None, settings))
     numbers = range(first_run, first_run + runs)
     names = [f"{found.title}-s{seed}-{number:04d}" for number in numbers]
-    targets = plan(output, names, form, Policy(overwrite, skip_existing, keep_going))
+    targets = plan(output, names, form, policy, late=campaign.keep_going)
+    makefile.check(deps, targets, [scenario])
     tasks = [
-        Task(name, found.name, parameters, seed, number, target)
+        Task(name, found.name, parameters, seed, number, campaign.target(target))
         for name, number, target in zip(names, numbers, targets, strict=True)
-        if target is not None
     ]
-    exits.end(batch.run(simulate, tasks, jobs, keep_going)[1])
+    done = batch.run(simulate, tasks, campaign, decide, policy.dry_run)
+    if not policy.dry_run:
+        makefile.write(deps, ((targets[k], [found.file]) for k in done.finished))
+    exits.end(done.exit_code)

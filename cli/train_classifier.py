@@ -23,11 +23,12 @@ from . import options
 def command(
     seed: int, settings: tuple[str, ...], scenario: str, output: str, overwrite: bool
 ) -> None:
-    """Train the classifier of the filters of range-angle maps, and test it on other scenes.
+    """Train the network that tells pedestrians from vehicles.
 
-    Needs PyTorch (pip install 'echoset[train]'). Settings are those of the training, as
+    It is tested on other scenes than it learns from; the accuracy by number of stations goes to
+    stdout. Needs PyTorch (pip install 'echoset[train]'). Settings are those of the training, as
     'echoset train-classifier --set scenes=50 -o quick.npz'; use the weights by
-    'echoset estimate -e phd --set weights=FILE'. Prints accuracy by number of stations.
+    'echoset estimate -e phd --set weights=FILE'.
 
     \b
     echoset train-classifier --seed 1 -o jsc_cnn.npz

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from .. import formats
 from ..models.errors import FormatError, InputError
@@ -23,15 +24,25 @@ def find(estimates: Estimates, label: str, places: Sequence[str]) -> Recording:
         return estimates.recording
     if not places:
         raise InputError(f"{label}: no recording came along: name it, or its folder, by --truth")
-    origin = estimates.meta.provenance.get("input")
+    record = formats.read(_path(label, estimates.meta.name, estimates.meta.provenance, places))
+    assert isinstance(record, Recording)
+    return record
+
+
+def located(source: str, places: Sequence[str]) -> Path | None:
+    """The file among ``places`` that :func:`find` takes for the estimates in ``source``, if any."""
+    found = formats.stamp(Path(source))
+    return _path(source, found["name"], found["provenance"], places) if places else None
+
+
+def _path(label: str, name: str, provenance: Mapping[str, Any], places: Sequence[str]) -> Path:
+    origin = provenance.get("input")
     digest = origin.get("digest") if isinstance(origin, dict) else None
     if not isinstance(digest, str) or not digest:
         raise InputError(f"{label}: does not say which recording it was made from")
-    for path in _candidates(places, (estimates.meta.name, Path(label).stem)):
+    for path in _candidates(places, (name, Path(label).stem)):
         if _digest(path, path in map(Path, places)) == digest:
-            record = formats.read(path)
-            assert isinstance(record, Recording)
-            return record
+            return path
     where = " ".join(places)
     raise InputError(f"{label}: was made from another recording than {where}: the digests differ")
 

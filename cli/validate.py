@@ -21,6 +21,7 @@ class Task:
 
     label: str
     strict: bool
+    target: None = None
 
 
 def validate(task: Task) -> None:
@@ -78,5 +79,7 @@ def command(files: tuple[str, ...], strict: bool) -> None:
     on their noise or beyond the longest range.
     """
     from . import batch, exits
+    from .campaign import Campaign
 
-    exits.end(batch.run(validate, [Task(file, strict) for file in files], keep_going=True)[1])
+    tasks = [Task(file, strict) for file in files]
+    exits.end(batch.run(validate, tasks, Campaign(keep_going=True)).exit_code)

@@ -33,7 +33,6 @@ class Params:
     held_out: int = parameter(200, "1", "scenes to test on")
     scans: int = parameter(10, "1", "scans of a scene, spread over its time")
     displacement: float = parameter(0.5, "m", "standard deviation sigma_w of the windows' middle")
-    between: int = parameter(3, "1", "windows to train on in the middle of two near pedestrians")
     epochs: int = parameter(8, "1", "passes over the training set")
     batch: int = parameter(64, "1", "windows in a step")
     learning_rate: float = parameter(1e-3, "1", "of Adam, falling to zero along a cosine")
@@ -43,7 +42,7 @@ class Params:
         for name in ("scenes", "held_out", "scans", "epochs", "batch"):
             require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
         require(self.learning_rate > 0, "learning_rate", "positive", self.learning_rate)
-        for name in ("displacement", "between", "weight_decay"):
+        for name in ("displacement", "weight_decay"):
             require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
 
 
@@ -74,12 +73,9 @@ def require_torch() -> Any:
 def data(scene: jsc.Params, params: Params, seed: int, watch: Watch) -> tuple[Windows, Windows]:
     """Windows to train on and to test on; no scene is in both, nor its random streams."""
     found = []
-    for stage, count, between in (
-        ("train", params.scenes, params.between),
-        ("test", params.held_out, 0),
-    ):
+    for stage, count in (("train", params.scenes), ("test", params.held_out)):
         key = f"classifier:{stage}"
-        some = scenes(scene, range(count), seed, key, params.scans, params.displacement, between)
+        some = scenes(scene, range(count), seed, key, params.scans, params.displacement)
         found.append(join(watch(some, f"{stage} scene", count)))
     return found[0], found[1]
 

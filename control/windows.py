@@ -16,7 +16,7 @@ import numpy as np
 from ..estimators.front import Station, fuse
 from ..estimators.kernels.cnn import windows
 from ..estimators.kernels.fusion import Pixels
-from ..models.classifier import CELL, CLASSES, WINDOW
+from ..models.classifier import CELL
 from ..models.random import generator
 from ..models.records import Array, Recording
 from ..simulate import jsc
@@ -51,11 +51,9 @@ def scenes(
     stage: str,
     scans: int,
     displacement: float,
-    between: int = 0,
 ) -> Iterator[Windows]:
     """The windows of scenes: for each target and scan one, displaced by ``displacement`` [m].
 
-    And ``between`` about the middle of each two pedestrians who are less than a window apart.
     ``stage`` keys the random streams, so that scenes to train on and to test on differ.
     """
     spread = params.scans * params.dt / scans
@@ -63,15 +61,11 @@ def scenes(
     for number in numbers:
         name = f"scene-{number}"
         rng = generator(seed, stage, name)
-        yield _windows(jsc.simulate(sparse, rng, name), number, displacement, between, rng)
+        yield _windows(jsc.simulate(sparse, rng, name), number, displacement, rng)
 
 
 def _windows(
-    recording: Recording,
-    number: int,
-    displacement: float,
-    between: int,
-    rng: np.random.Generator,
+    recording: Recording, number: int, displacement: float, rng: np.random.Generator
 ) -> Windows:
     pixels = Pixels.of(REGION, CELL)
     streams = recording.streams
@@ -86,7 +80,7 @@ def _windows(
     power, kind, count = [], [], []
     for k, t in enumerate(truth.time_ns.tolist()):
         here = slice(truth.row_offset[k], truth.row_offset[k + 1])
-        where, kinds = _places(truth.columns("x", "y")[here], truth.class_index[here], between)
+        where, kinds = truth.columns("x", "y")[here], truth.class_index[here]
         several = rng.permutation(np.resize(np.arange(1, len(scans) + 1), len(where)))
         where = where + rng.normal(scale=displacement, size=where.shape)
         for n in np.unique(several):
@@ -97,13 +91,3 @@ def _windows(
             count.append(several[chosen])
     scene = np.full(sum(map(len, kind)), number)
     return Windows(np.concatenate(power), np.concatenate(kind), np.concatenate(count), scene)
-
-
-def _places(where: Array, kind: Array, between: int) -> tuple[Array, Array]:
-    """Where windows are, and the class of each: targets, then middles of two pedestrians."""
-    walkers = where[kind == CLASSES.index("pedestrian")]
-    i, j = np.triu_indices(len(walkers), 1)
-    near = np.hypot(*(walkers[i] - walkers[j]).T) < WINDOW * CELL
-    middle = np.repeat((walkers[i] + walkers[j])[near] / 2, between, axis=0)
-    walker = np.full(len(middle), CLASSES.index("pedestrian"))
-    return np.concatenate((where, middle)), np.concatenate((kind, walker))

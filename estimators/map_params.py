@@ -9,6 +9,22 @@ from ..models.parameters import parameter, require
 from ..models.regions import polygon
 from .targets import TargetParams
 
+TUNED = {
+    "p_survive": 0.999,
+    "clutter_rate": 0.1,
+    "std_acceleration": 2.0,
+    "birth": "components",
+    "gate_pedestrian": 3.0,
+    "gate_vehicle": 5.0,
+    "room_pedestrian": 0.65,
+    "room_vehicle": 2.8,
+    "excision_new": 400.0,
+    "dbscan_points": 30,
+    "spread": 0.1,
+    "class_memory": 0.9,
+}
+"""What works best on maps of base stations in both filters, chosen on other recordings than those
+that are reported: few bodies overlap, and doubles of a target and sidelobes cost the most."""
 IDENTIFY = ("cnn", "none")
 LARGEST = 4_000_000
 """Pixels of the largest soft map."""

@@ -27,6 +27,7 @@ from .front import FUSED, STREAMS, Chain, looks, named, recognise, see, used
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.compiled import gaussians
 from .kernels.smoothing import Epoch, smooth
+from .map_params import TUNED
 from .mbm_filter import Params, State, init, predict, reduce, update
 from .sensing import Look, expected, per_stream
 
@@ -79,6 +80,11 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "merge_distance": 0.0,
         "unite_distance": 5.0,
         "extract_existence": 0.99,
+    },
+    "tuned": {
+        **TUNED,
+        "p_detect": 0.99,
+        "max_hypotheses": 20,
     },
 }
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")

@@ -25,7 +25,7 @@ from .front import FUSED, STREAMS, Chain, Classes, looks, named, recognise, see,
 from .kernels import births
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
-from .map_params import MapParams
+from .map_params import TUNED, MapParams
 from .sensing import Look, detection_probability, expected, per_stream, positions
 from .targets import TargetParams, elapse, newborn, survival
 
@@ -85,6 +85,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "merge_distance": 25.0,
         "extraction": "rounding",
     },
+    "tuned": {**TUNED, "p_detect": 0.99},
 }
 __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
 

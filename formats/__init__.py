@@ -3,11 +3,13 @@
 from .files import (
     EstimatesWriter,
     Source,
+    content_digest,
     estimates_writer,
     inspect,
     observed_digest,
     open_source,
     read,
+    stamp,
     suffix_format,
     write,
 )
@@ -15,11 +17,13 @@ from .files import (
 __all__ = [
     "EstimatesWriter",
     "Source",
+    "content_digest",
     "estimates_writer",
     "inspect",
     "observed_digest",
     "open_source",
     "read",
+    "stamp",
     "suffix_format",
     "write",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any, Protocol
@@ -117,6 +118,25 @@ def inspect(source: Target, path: object = None) -> dict[str, Any]:
     return summary
 
 
+def stamp(path: Path) -> dict[str, Any]:
+    """What a file says of itself in its headers: ``format``, digests, name and provenance.
+
+    Of the data nothing is read, so that damage there does not show; a file that was cut does.
+
+    Raises
+    ------
+    FormatError : it cannot be read, is damaged or of another kind
+    """
+    module, source = _identify(path, path)
+    name = next(n for n in registry.names(GROUP) if registry.load(GROUP, n) is module)
+    found = getattr(module, "stamp", module.inspect)(source, path)
+    try:
+        provenance = json.loads(found["provenance"])
+        return {**found, **provenance, "format": name, "provenance": provenance}
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(path, "provenance", "cannot be read") from error
+
+
 def suffix_format(path: Path, default: str | None = None) -> str:
     """Name of the format that the suffix of ``path`` stands for.
 
@@ -159,3 +179,8 @@ def observed_digest(record: Recording | Path) -> str:
     if isinstance(record, Path):
         return str(inspect(record)["observed_digest"])
     return layout.observed_digest(record)
+
+
+def content_digest(record: Recording | Estimates) -> str:
+    """Digest of all that ``record`` holds, as its files state it."""
+    return layout.content_digest(record)

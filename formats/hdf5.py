@@ -19,11 +19,12 @@ from ..models.records import Estimates, Meta, Recording
 from . import layout
 from . import tree as trees
 from .hdf5_reader import Source, inspect, read
+from .hdf5_stamp import stamp
 from .steady import SteadyFile
 from .steps import Windows
 from .tree import ArrayToken, Leaf
 
-__all__ = ["EstimatesWriter", "Source", "TreeWriter", "inspect", "read", "write"]
+__all__ = ["EstimatesWriter", "Source", "TreeWriter", "inspect", "read", "stamp", "write"]
 
 SUMMARY = "HDF5, random access and archive"
 SUFFIXES = (".h5", ".hdf5")

@@ -219,3 +219,8 @@ def observed_digest(record: Recording) -> str:
     """Digest of what an estimator may see of ``record``: equal with and without its truth."""
     leaves = trees.flatten(to_tree(record.observed()))
     return trees.digest(trees.tokens({p: leaves[p] for p in trees.observed(leaves)}))
+
+
+def content_digest(record: Recording | Estimates) -> str:
+    """Digest of all that ``record`` holds."""
+    return trees.digest(trees.tokens(trees.flatten(to_tree(record))))

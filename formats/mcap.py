@@ -26,11 +26,12 @@ from ..models.records import Estimates, Meta, Objects, Recording
 from . import layout, outlines, scene
 from . import tree as trees
 from .mcap_reader import HEADER, TRAILER, Source, inspect, read
+from .mcap_stamp import stamp
 from .schemas import SCHEMAS
 from .tables import Table, column_types, tables
 from .tree import ArrayToken
 
-__all__ = ["EstimatesWriter", "Source", "inspect", "read", "write"]
+__all__ = ["EstimatesWriter", "Source", "inspect", "read", "stamp", "write"]
 
 SUMMARY = "MCAP, for pipes and viewers"
 SUFFIXES = (".mcap",)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.metadata import version
 
 from .. import __version__
@@ -9,4 +10,9 @@ from .. import __version__
 
 def versions() -> dict[str, str]:
     """Versions of echoset and of the packages that its numbers come from."""
-    return {"echoset": __version__, **{name: version(name) for name in ("numpy", "scipy")}}
+    return {"echoset": __version__, **{name: _version(name) for name in ("numpy", "scipy")}}
+
+
+@cache
+def _version(package: str) -> str:
+    return version(package)

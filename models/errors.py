@@ -49,3 +49,9 @@ class EstimatorError(EchosetError):
     """An estimator that diverged or produced something not finite."""
 
     exit_code = 7
+
+
+class UnavailableError(EchosetError):
+    """What must be there to begin or to go on is not: a lock is held, a cluster out of reach."""
+
+    exit_code = 75

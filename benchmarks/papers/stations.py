@@ -10,7 +10,6 @@ from typing import Any
 import autoferry_table as autoferry
 import jsc_table as jsc
 
-from echoset.estimators import mbm, phd
 from echoset.formats import scores as archive
 from echoset.metrics.table import concatenate
 from echoset.models.records import Scores
@@ -20,22 +19,25 @@ from .pieces import Piece, share_of
 
 NAME = "stations"
 RUNS, SEED = 20, 1
-PRESETS = tuple(p for p in ("tuned", "paper") if p in phd.PRESETS and p in mbm.PRESETS)
+PARTS = (*jsc.PRESETS, "budget")
 
 
 def pieces(share: float) -> list[Piece]:
-    """The runs, and the measured recordings that are there; less than a half has one preset."""
-    presets = PRESETS if share > 0.5 else PRESETS[:1]
-    found = [Piece(scored, (run, SEED, presets)) for run in range(share_of(RUNS, share))]
+    """The runs, and the measured recordings that are there; less than a half has one preset
+    and no error budget.
+    """
+    parts = PARTS if share > 0.5 else PARTS[:1]
+    found = [Piece(scored, (run, SEED, parts)) for run in range(share_of(RUNS, share))]
     if (autoferry.ROOT / "autoferry").exists():
         found += [Piece(measured, (scenario,)) for scenario in autoferry.SCENARIOS]
     return found
 
 
-def scored(run: int, seed: int, presets: tuple[str, ...]) -> Scores:
+def scored(run: int, seed: int, parts: tuple[str, ...]) -> Scores:
     """The scores of all conditions over one run."""
     with TemporaryDirectory() as folder:
-        return archive.read(jsc.one(run, seed, presets, Path(folder)))
+        paths = jsc.one(run, seed, tuple(range(1, 7)), parts, Path(folder))
+        return concatenate(map(archive.read, paths))
 
 
 def measured(scenario: int) -> list[str]:
@@ -47,10 +49,9 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
     """Write the page, and the error over time as data."""
     simulated = [r for p, r in results if p.make is scored]
     found = [line for p, r in results if p.make is measured for line in r]
-    presets = next(p.arguments[2] for p, _ in results if p.make is scored)
     scores = concatenate(simulated)
     jsc.over_time(scores, folder / f"{NAME}-time.csv")
-    _, _, tables = "\n".join(jsc.tables(scores, presets, len(simulated), SEED)).partition("\n\n")
+    _, _, tables = "\n".join(jsc.tables(scores, len(simulated), SEED)).partition("\n\n")
     lines = "\n".join([autoferry.HEADER, *found]) if found else "They were not there."
     caption = autoferry.CAPTION.format(block=autoferry.BLOCK) if found else ""
     page.write(

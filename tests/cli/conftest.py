@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import subprocess
 import sys
 import warnings
@@ -15,6 +16,8 @@ import pytest
 
 from echoset.cli.main import main
 from echoset.models import registry
+
+TIME = re.compile(r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ echoset: ", re.MULTILINE)
 
 PLUGIN = """
 import time
@@ -68,9 +71,35 @@ from plugin_mean import Params, PRESETS, SUMMARY, estimate
 
 STREAMS = ("range_bearing", "position")
 """
+DEADLY = """
+import os
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+import plugin_mean
+from echoset.models.parameters import parameter
+from plugin_mean import PRESETS, STREAMS, SUMMARY
+
+
+@dataclass(frozen=True, slots=True)
+class Params(plugin_mean.Params):
+    victim: str = parameter("", "", "name of the recording that kills its worker")
+    mark: str = parameter("", "", "file that says that it has done so; empty to do it always")
+
+
+def estimate(setup, scans, params, rng):
+    mark = Path(params.mark)
+    if setup.meta.name == params.victim and not (params.mark and mark.exists()):
+        if params.mark:
+            mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    yield from plugin_mean.estimate(setup, scans, params, rng)
+"""
 ENTRY_POINTS = """[echoset.estimators]
 mean = plugin_mean
 radar = plugin_radar
+deadly = plugin_deadly
 """
 
 
@@ -82,12 +111,18 @@ class Result(NamedTuple):
     err: str
 
 
+def untimed(err: bytes) -> str:
+    """Lines of the log without the time that they begin with."""
+    return TIME.sub("echoset: ", err.decode())
+
+
 @pytest.fixture(scope="session")
 def plugins(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with an installed distribution of two estimators."""
+    """A folder with an installed distribution of estimators."""
     folder = tmp_path_factory.mktemp("plugins")
     (folder / "plugin_mean.py").write_text(PLUGIN)
     (folder / "plugin_radar.py").write_text(RADAR)
+    (folder / "plugin_deadly.py").write_text(DEADLY)
     info = folder / "plugin-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: plugin\nVersion: 1.0\n")
@@ -99,7 +134,7 @@ def plugins(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def environment(plugins: Path, monkeypatch: pytest.MonkeyPatch):
     """Plugins on the path here and in processes, and logging as it was afterwards."""
     monkeypatch.syspath_prepend(str(plugins))
-    monkeypatch.setenv("PYTHONPATH", str(plugins))
+    monkeypatch.setenv("PYTHONPATH", str(plugins), prepend=os.pathsep)
     monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
     registry._points.cache_clear()
     show = warnings.showwarning
@@ -116,7 +151,7 @@ def run(capfdbinary: pytest.CaptureFixture[bytes]) -> Callable[..., Result]:
     def call(*args: object) -> Result:
         code = main([str(a) for a in args])
         out, err = capfdbinary.readouterr()
-        return Result(code, out.decode("latin-1"), err.decode())
+        return Result(code, out.decode("latin-1"), untimed(err))
 
     return call
 
@@ -145,6 +180,12 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     words = ("simulate", "uwb-los", "--runs", "3", "--set", "steps=20", "-o", f"{folder}/")
     assert main(list(words)) == 0
     return folder
+
+
+@pytest.fixture
+def files(campaign: Path) -> list[Path]:
+    """All of them, in order."""
+    return sorted(campaign.iterdir())
 
 
 @pytest.fixture

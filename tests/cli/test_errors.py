@@ -153,8 +153,6 @@ def test_existing_output_stays(run, rec, tmp_path):
     path.write_text("mine")
     check(run("estimate", "-e", "mean", rec, "-o", path), 5, "exists already")
     assert path.read_text() == "mine" and os.listdir(tmp_path) == ["x.h5"]
-    assert run("estimate", "-e", "mean", rec, "-o", path, "--skip-existing") == (0, "", "")
-    assert path.read_text() == "mine"
     assert run("estimate", "-e", "mean", rec, "-o", path, "--overwrite").code == 0
     assert formats.read(path).estimator == "mean"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import map_scene
@@ -136,3 +137,29 @@ def test_maps_are_refused_by_place(scene, estimate, empty, tmp_path, monkeypatch
         formats.write(bad, tmp_path / "bad.h5", "h5")
     refused(estimate(tmp_path / "bad.h5")[0], 4, message)
     assert empty()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("-o", "cnn.txt"), "weights are written as .npz"),
+        (("-o", "cnn.npz", "--scenario", "meeting"), "has no range-angle maps"),
+        (("-o", "cnn.npz", "--set", "scenes=0"), "scenes must be at least 1"),
+        (("-o", "cnn.npz", "--set", "scene=1"), "did you mean"),
+    ],
+)
+def test_impossible_trainings_are_refused(run, monkeypatch, tmp_path, words, message):
+    from echoset.control import training
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(training, "require_torch", lambda: None)
+    refused(run("train-classifier", *words), 2, message)
+    assert not list(tmp_path.iterdir())
+
+
+def test_training_says_what_to_install(run, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    result = run("train-classifier", "-o", tmp_path / "cnn.npz")
+    refused(result, 2, "training needs PyTorch: pip install 'echoset[train]'")
+    (tmp_path / "cnn.npz").write_bytes(b"")
+    refused(run("train-classifier", "-o", tmp_path / "cnn.npz"), 5, "exists")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+
 import pytest
 
+from echoset.cli.batch import _portable
 from echoset.cli.config import assignments
 from echoset.cli.exits import worst
 from echoset.formats.plain_yaml import dump, parse
-from echoset.models.errors import ParameterError
+from echoset.models.errors import FormatError, ParameterError
 
 
 @pytest.mark.parametrize(
@@ -60,3 +63,39 @@ def test_dump_is_read_back(value):
     plain = [1.0, [2, 3]] if isinstance(value, tuple) else value
     assert parse(dump(value), "test") == plain
     assert type(parse(dump(value), "test")) is type(plain)
+
+
+def test_signal_in_a_finalizer_is_not_lost(command):
+    """Where Python drops exceptions, the signal comes again; nothing is said of it."""
+    code = """
+import os, signal, sys, time
+from echoset.cli import exits
+
+class Last:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+        for _ in range(1000):
+            pass
+
+def work():
+    Last()
+    time.sleep(20)
+
+sys.exit(exits.run(work))
+"""
+    found = subprocess.run([command[0], "-c", code], capture_output=True, timeout=15)
+    assert (found.returncode, found.stderr) == (143, b"")
+
+
+class Odd(Exception):
+    """One that another process cannot have."""
+
+    def __init__(self, one, two):
+        super().__init__(f"{one} and {two}")
+
+
+def test_errors_from_workers_can_be_sent():
+    """What cannot is told by name; the cause is left out if that is what cannot."""
+    assert repr(_portable(Odd(1, 2))) == "RuntimeError('Odd: 1 and 2')"
+    error = FormatError("x", "byte 3", "odd")
+    assert _portable(error) is error
