@@ -23,9 +23,7 @@ PARTS = (*jsc.PRESETS, "budget")
 
 
 def pieces(share: float) -> list[Piece]:
-    """The runs, and the measured recordings that are there; less than a half has one preset
-    and no error budget.
-    """
+    """The runs, in a small share with one preset, and the measured recordings that are there."""
     parts = PARTS if share > 0.5 else PARTS[:1]
     found = [Piece(scored, (run, SEED, parts)) for run in range(share_of(RUNS, share))]
     if (autoferry.ROOT / "autoferry").exists():
@@ -49,6 +47,9 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
     """Write the page, and the error over time as data."""
     simulated = [r for p, r in results if p.make is scored]
     found = [line for p, r in results if p.make is measured for line in r]
+    made = next(p.arguments[2] for p, _ in results if p.make is scored)
+    left = [f"`{part}`" for part in PARTS if part not in made]
+    without = f" Left out with so few runs: {', '.join(left)}." if left else ""
     scores = concatenate(simulated)
     jsc.over_time(scores, folder / f"{NAME}-time.csv")
     _, _, tables = "\n".join(jsc.tables(scores, len(simulated), SEED)).partition("\n\n")
@@ -58,7 +59,7 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
         folder,
         NAME,
         "Base stations that sense",
-        f"{len(simulated)} of its {RUNS} runs of `{jsc.SCENARIO}`, seed {SEED}.",
+        f"{len(simulated)} of its {RUNS} runs of `{jsc.SCENARIO}`, seed {SEED}.{without}",
         INTRODUCTION,
         tables,
         CAPACITY,
