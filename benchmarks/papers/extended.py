@@ -35,7 +35,7 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
     parts = []
     for scenario, text in SCENARIOS.items():
         found = [row for p, r in results if p.arguments[1] == scenario for row in r]
-        boxes = f"{NAME}-{scenario.removeprefix('radar-')}.svg"
+        boxes = f"{scenario.removeprefix('radar-')}.svg"
         _draw(scenario, found, folder / boxes)
         parts += [f"## `{scenario}`: {text}", f"![OSPA by epoch and method]({boxes})"]
         parts += [_published(found), gsncp.tables(found).replace("\n## ", "\n### ")]
@@ -102,8 +102,8 @@ INTRODUCTION = """\
 Cox process and jump Markov chain Monte Carlo sampling*, section 5. The paper prints its figure 2
 as box plots without numbers. OSPA with the Gaussian-Wasserstein distance, order 2, cut-off 10 m;
 means over runs ± standard error, differences paired. `di-gsncp paper` has the paper's moves only,
-`oracle` is told which detection is whose. Our chains run longer than the paper's on purpose: they
-stop when they have converged."""
+`oracle` is told which detection is whose. Our chains run longer than the
+paper's."""
 BOUND = """\
 ## The bound of figure 1
 
