@@ -9,7 +9,7 @@ FUZZ ?= 10000
 SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check browser fuzz docs packaging verify bench marks control-table autoferry labyrinth gsncp-table jsc-table clean
+.PHONY: demo test check browser fuzz docs packaging verify bench marks control-table autoferry labyrinth gsncp-table jsc-table paper paper-quick clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -90,6 +90,15 @@ gsncp-table: $(STAMP)
 # Figures 3 and 4 of the paper on base stations that sense, with an error budget. An hour.
 jsc-table: $(STAMP)
 	$(BIN)/python benchmarks/jsc_table.py --jobs $(JOBS) -o jsc
+
+# Tables and figures of the papers, ours beside the published, into docs/results; up to ninety
+# minutes on two cores. What was made before, in build/pieces, is not made again.
+paper: $(STAMP)
+	PYTHONPATH=benchmarks $(BIN)/python -m papers -j $(JOBS)
+
+# The same with a tenth of the runs, into build/results.
+paper-quick: $(STAMP)
+	PYTHONPATH=benchmarks $(BIN)/python -m papers --quick -o build/results -j $(JOBS)
 
 clean:
 	rm -rf demo build dist docs/_build docs/reference *.egg-info .mypy_cache .ruff_cache .pytest_cache

@@ -125,19 +125,24 @@ def columns(found: Objects, recording: Recording) -> Iterator[str]:
     yield shown(ratio(np.bincount(own.step, own.distance, n), paired), 1)
 
 
+def lines(scenario: int) -> Iterator[str]:
+    """The rows of a scenario."""
+    for sensors, names in SENSORS.items():
+        only = autoferry.Params(sensors=names)
+        recording = autoferry.read([ROOT / "autoferry" / f"scenario{scenario}"], only)
+        rows = {name: filtered(module, recording) for name, module in FILTERS.items()}
+        if sensors == "radar":
+            rows = {"empty": empty(recording), "oracle": oracle(recording), **rows}
+        for name, found in rows.items():
+            yield f"| {scenario} | {sensors} | {name} | {' | '.join(columns(found, recording))} |"
+
+
 def main() -> None:
     """Print the table, and the means of GOSPA over the scenarios."""
     print(HEADER)
     for scenario in SCENARIOS:
-        for sensors, names in SENSORS.items():
-            only = autoferry.Params(sensors=names)
-            recording = autoferry.read([ROOT / "autoferry" / f"scenario{scenario}"], only)
-            rows = {name: filtered(module, recording) for name, module in FILTERS.items()}
-            if sensors == "radar":
-                rows = {"empty": empty(recording), "oracle": oracle(recording), **rows}
-            for name, found in rows.items():
-                cells = " | ".join(columns(found, recording))
-                print(f"| {scenario} | {sensors} | {name} | {cells} |", flush=True)
+        for line in lines(scenario):
+            print(line, flush=True)
     print("\n" + CAPTION.format(block=BLOCK))
 
 

@@ -26,13 +26,18 @@ def run(name: str, runs: range) -> Campaign:
     return campaign(Params(**figures.CONDITIONS[name]), runs, SEED)
 
 
+def published_runs(name: str) -> int:
+    """Number of runs of a condition in the paper."""
+    return 30 if figures.CONDITIONS[name]["p_detect"] == 0.6 else 20
+
+
 def main() -> None:
     """Run all conditions and print the tables."""
     asked = int(sys.argv[1]) if len(sys.argv) > 1 else None
     found, seconds = {}, 0.0
     with ProcessPoolExecutor(WORKERS) as pool:
-        for name, changes in figures.CONDITIONS.items():
-            count = asked or (30 if changes["p_detect"] == 0.6 else 20)
+        for name in figures.CONDITIONS:
+            count = asked or published_runs(name)
             start = time.perf_counter()
             parts = [range(w, count, WORKERS) for w in range(WORKERS)]
             found[name] = join(pool.map(run, [name] * WORKERS, parts))

@@ -11,17 +11,17 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from scene import simulated
 
+import echoset
 from echoset.metrics import pcrlb
-from echoset.models.parameters import resolve
-from echoset.models.random import generator
-from echoset.models.records import Array, Recording
-from echoset.models.registry import load
+from echoset.metrics.table import concatenate
+from echoset.models.records import Array, Recording, Scores
 
 SEED = 1
 SEGMENTS = ((11, 30), (31, 60), (61, 80), (81, 110), (111, 130), (131, 180))
@@ -61,6 +61,14 @@ class Campaign:
         resampled = [all_figures(rng.integers(0, n, n)) for _ in range(400)]
         return np.array(all_figures()), np.std(resampled, axis=0)
 
+    @classmethod
+    def of(cls, scores: Scores, seconds: float) -> Campaign:
+        """Scores of one estimator over recordings, and the processor seconds of all."""
+        cells = zip(scores.metric, scores.part, np.isfinite(scores.time), strict=True)
+        rows = [i for i, cell in enumerate(cells) if cell == ("rmse", "device", True)]
+        error = scores.value[rows].reshape(len(set(scores.recording)), -1)
+        return cls(error, seconds / error.size)
+
     @property
     def lost(self) -> int:
         """Runs with an error above 2 m after step 20."""
@@ -74,27 +82,31 @@ def recording(run: int) -> Recording:
     return simulated("uwb-olos", name, SEED)
 
 
+def scored(name: str, runs: Iterable[int], **settings: object) -> tuple[Scores, float]:
+    """Errors of ``runs`` over time with their distribution, and processor seconds of the filter."""
+    tables, seconds = [], 0.0
+    for run in runs:
+        record = recording(run)
+        start = time.process_time()
+        estimates = echoset.estimate(record, name, SEED, **settings)
+        seconds += time.process_time() - start
+        tables += [echoset.score(estimates, record, metric) for metric in ("rmse", "cdf")]
+    return concatenate(tables), seconds
+
+
 def campaign(name: str, runs: int, **settings: object) -> Campaign:
     """Estimates of ``runs`` recordings by the estimator ``name``, compared with the truth."""
-    estimator = load("echoset.estimators", name)
-    fields = estimator.Params.__dataclass_fields__
-    error, seconds = [], 0.0
-    for run in range(runs):
-        record = recording(run)
-        model = {k: v for k, v in record.streams["uwb"].model.items() if k in fields}
-        params = resolve(estimator.Params, ("model", model), ("settings", settings))
-        rng = generator(SEED, f"estimate:{name}", record.meta.name)
-        start = time.process_time()
-        out = list(estimator.estimate(record.setup(), record.scans(), params, rng))
-        seconds += time.process_time() - start
-        m = np.concatenate([e.objects.columns("device_x", "device_y") for e in out])
-        error.append(np.hypot(*(m - record.truth.objects.columns("device_x", "device_y")).T))
-    return Campaign(np.array(error), seconds / runs / len(error[0]))
+    return Campaign.of(*scored(name, range(runs), **settings))
+
+
+def bounds(name: str) -> Scores:
+    """Scores of the bound ``name``, equal for all runs, which share their path."""
+    return pcrlb.bounds(recording(0), pcrlb.Params(), name, blocked=name == "pcrlb-star")
 
 
 def bound(name: str) -> Campaign:
     """The bound ``name`` on the device at each step, in place of errors."""
-    scores = pcrlb.bounds(recording(0), pcrlb.Params(), name, blocked=name == "pcrlb-star")
+    scores = bounds(name)
     rows = zip(scores.metric, scores.part, scores.time, scores.value, strict=True)
     value = [v for m, p, t, v in rows if (m, p) == (name, "device") and not np.isnan(t)]
     return Campaign(np.array([value]), 0.0)
