@@ -145,16 +145,21 @@ def _limit() -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
+def _resident() -> int:
+    """The most memory that was in use [bytes]; at first what the worker has from its parent."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10
+
+
 def _loop(
     name: str, expected: list[object], seed: int, indices: range, folder: Path, pipe: int
 ) -> None:
-    target = TARGETS[name]
+    target, inherited = TARGETS[name], _resident()
     for index in indices:
         which, changed, files = make(name, seed, index)
         paths = _put(folder, files)
         start = time.monotonic()
         outcome, detail = _outcome(target, changed, files, paths, expected[which])
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10
+        peak = _resident() - inherited
         if peak > MEMORY:
             outcome, detail = "memory", f"{peak >> 20} MiB"
         elif time.monotonic() - start > LONGEST:
