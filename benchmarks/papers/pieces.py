@@ -83,7 +83,7 @@ def complete(pieces: Iterable[Piece], folder: Path, jobs: int, title: str) -> No
     with ProcessPoolExecutor(jobs) as pool:
         work = [pool.submit(piece.keep, folder) for piece in missing]
         try:
-            for done in tqdm(as_completed(work), title, len(work), mininterval=1.0):
+            for done in tqdm(as_completed(work), title, len(work), disable=None):
                 done.result()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
