@@ -187,8 +187,8 @@ def tables(scores: Scores, runs: int, seed: int) -> Iterator[str]:
                 yield f"| {f}, N_s = {n}{part and f', {part}'} | " + " | ".join(cells) + " |"
     yield f"\n## Capacity [Gbit/s]\n\n{head}"
     names = [Condition("phd", PRESET, "adaptive", n).name for n in stations_]
-    none = np.nan, np.nan
-    cells = [f"{pooled.get((name, 'capacity', ''), none)[0] / 1e9:.3f}" for name in names]
+    found = [pooled.get((name, "capacity", "")) for name in names]
+    cells = [f"{value[0] / 1e9:.3f}" if value else "-" for value in found]
     yield "| | " + " | ".join(cells) + " |"
 
 
