@@ -16,6 +16,7 @@ import numpy as np
 
 from ..estimators import mbm, phd
 from ..estimators.front import Chain, named
+from ..estimators.kernels.fusion import Pixels
 from ..models.classifier import CLASSES
 from ..models.parameters import as_dict, resolve, sensor_model
 from ..models.records import Array, Estimates, Meta, Objects, Recording, Scan
@@ -121,9 +122,8 @@ def true_at(recording: Recording) -> Callable[[int], tuple[Array, Array, Array]]
 
 def _outlines(recording: Recording, condition: Condition) -> Callable[..., Array]:
     params, at = condition.params(recording), true_at(recording)
-    x0, x1, y0, y1 = params.map_region
-    cell = params.map_cell
-    y, x = np.mgrid[y0 + cell / 2 : y1 : cell, x0 + cell / 2 : x1 : cell]
+    pixels = Pixels.of(params.map_region, params.map_cell)
+    x, y = pixels.centres().T.reshape(2, pixels.ny, pixels.nx)
 
     def fuse(time_ns: int, scans: Sequence[Scan]) -> Array:
         soft = np.zeros(x.shape, np.float32)

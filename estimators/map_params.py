@@ -10,6 +10,7 @@ from ..models.regions import polygon
 from .targets import TargetParams
 
 TUNED = {
+    "p_detect": 0.99,
     "p_survive": 0.999,
     "clutter_rate": 0.1,
     "std_acceleration": 2.0,

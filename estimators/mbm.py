@@ -81,11 +81,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "unite_distance": 5.0,
         "extract_existence": 0.99,
     },
-    "tuned": {
-        **TUNED,
-        "p_detect": 0.99,
-        "max_hypotheses": 20,
-    },
+    "tuned": {**TUNED, "max_hypotheses": 20},
 }
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
 _log = logging.getLogger(__name__)

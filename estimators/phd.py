@@ -85,7 +85,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "merge_distance": 25.0,
         "extraction": "rounding",
     },
-    "tuned": {**TUNED, "p_detect": 0.99},
+    "tuned": TUNED,
 }
 __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
 
