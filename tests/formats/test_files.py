@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,6 +68,21 @@ def test_step_by_step_gives_the_bytes_of_the_whole(estimates, tmp_path, format):
         writer.append(part(estimates, k, k + 1))
     writer.close(estimates.meta)
     assert (tmp_path / "whole").read_bytes() == (tmp_path / "steps").read_bytes()
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_who_holds_frames_changes_no_byte(recording, tmp_path, format):
+    """As the profilers of Dask workers and of debuggers do, here and there."""
+    formats.write(recording, tmp_path / "a", format)
+    held: list[object] = []
+    sys.setprofile(lambda frame, event, arg: held.append(frame))
+    try:
+        formats.write(recording, tmp_path / "b", format)
+    finally:
+        sys.setprofile(None)
+    assert len(held) > 1000
+    held.clear()
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
 @pytest.mark.parametrize("format", FORMATS)
