@@ -125,16 +125,19 @@ def columns(found: Objects, recording: Recording) -> Iterator[str]:
     yield shown(ratio(np.bincount(own.step, own.distance, n), paired), 1)
 
 
-def lines(scenario: int) -> Iterator[str]:
+def lines(scenario: int) -> list[str]:
     """The rows of a scenario."""
+    found = []
     for sensors, names in SENSORS.items():
         only = autoferry.Params(sensors=names)
         recording = autoferry.read([ROOT / "autoferry" / f"scenario{scenario}"], only)
         rows = {name: filtered(module, recording) for name, module in FILTERS.items()}
         if sensors == "radar":
             rows = {"empty": empty(recording), "oracle": oracle(recording), **rows}
-        for name, found in rows.items():
-            yield f"| {scenario} | {sensors} | {name} | {' | '.join(columns(found, recording))} |"
+        for name, out in rows.items():
+            cells = " | ".join(columns(out, recording))
+            found.append(f"| {scenario} | {sensors} | {name} | {cells} |")
+    return found
 
 
 def main() -> None:

@@ -23,6 +23,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -111,6 +112,13 @@ def one(
                 with atomic(found[-1], overwrite=True) as temporary:
                     archive.write(concatenate(tables), temporary, "csv")
     return found
+
+
+def scores_of(run: int, seed: int, parts: tuple[str, ...]) -> Scores:
+    """The scores of one run under all conditions."""
+    with TemporaryDirectory() as folder:
+        paths = one(run, seed, tuple(range(1, 7)), parts, Path(folder))
+        return concatenate(map(archive.read, paths))
 
 
 def _soft(recording: Recording, n: int) -> stations.Soft:

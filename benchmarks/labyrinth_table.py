@@ -8,6 +8,7 @@ but the first ranges and over seeds, ± standard error by a bootstrap over block
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ ROWS: dict[str, dict[str, Any]] = {
 }
 
 
-def rmse(**settings: Any) -> tuple[float, float]:
+def rmse(settings: Mapping[str, Any]) -> tuple[float, float]:
     """RMSE [m] of ``a-eopda-geo`` over all but the first ranges, and its standard error."""
     importer = load("echoset.importers", "labyrinth")
     recording = importer.read([DATA], importer.Params())
@@ -56,7 +57,7 @@ def main() -> None:
     """Print the table."""
     print("| `a-eopda-geo`, four seeds | device [m] |\n|---|---:|")
     for name, settings in ROWS.items():
-        value, error = rmse(**settings)
+        value, error = rmse(settings)
         print(f"| {name} | {value:.3f} ± {error:.3f} |", flush=True)
 
 

@@ -21,7 +21,7 @@ from scene import simulated
 import echoset
 from echoset.metrics import pcrlb
 from echoset.metrics.table import concatenate
-from echoset.models.records import Array, Recording, Scores
+from echoset.models.records import Array, Estimates, Recording, Scores
 
 SEED = 1
 SEGMENTS = ((11, 30), (31, 60), (61, 80), (81, 110), (111, 130), (131, 180))
@@ -80,6 +80,11 @@ def recording(run: int) -> Recording:
     """Recording ``run`` of the scenario."""
     name = f"uwb-olos-s{SEED}-{run:04d}"
     return simulated("uwb-olos", name, SEED)
+
+
+def estimated(name: str, run: int) -> Estimates:
+    """The estimates of one run."""
+    return echoset.estimate(recording(run), name, SEED)
 
 
 def scored(name: str, runs: Iterable[int], **settings: object) -> tuple[Scores, float]:

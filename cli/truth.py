@@ -55,7 +55,7 @@ def _candidates(places: Iterable[str], names: tuple[str, ...]) -> Iterator[Path]
 def _digest(path: Path, named: bool) -> str | None:
     """The digest of a recording; None for another file in a folder."""
     try:
-        found = formats.peek(path)
+        found = formats.stamp(path)
     except FormatError:
         if named:
             raise

@@ -132,7 +132,7 @@ def _identify(source: Target, path: object) -> tuple[Any, Target]:
                 source = io.BytesIO(source.read())
             return module, source
     if not head:
-        raise FormatError(path, "", "is empty")
+        raise FormatError(path, "byte 0", "the file is empty")
     raise FormatError(path, "byte 0", "neither HDF5 nor MCAP")
 
 
@@ -185,7 +185,7 @@ def inspect(source: Target, path: object = None) -> dict[str, Any]:
 
 
 def stamp(path: Path) -> dict[str, Any]:
-    """What a file says of itself in its headers: ``format``, digests, name and provenance.
+    """What a file says of itself: ``format``, ``kind``, digests, name and provenance.
 
     Of the data nothing is read, so that damage there does not show; a file that was cut does.
 
@@ -198,7 +198,7 @@ def stamp(path: Path) -> dict[str, Any]:
     found = getattr(module, "stamp", module.inspect)(source, path)
     try:
         provenance = json.loads(found["provenance"])
-        return {**found, **provenance, "format": name, "provenance": provenance}
+        return {**provenance, **found, "format": name, "provenance": provenance}
     except (KeyError, TypeError, ValueError) as error:
         raise FormatError(path, "provenance", "cannot be read") from error
 
@@ -218,18 +218,6 @@ def open_parts(source: Target, path: object = None, carried: bool = False, **how
         return WholeParts(module.read(source, path), path, carried, **how)
     parts: Parts = module.Parts(source, path, carried, **how)
     return parts
-
-
-def peek(path: Path) -> dict[str, Any]:
-    """Kind and digests of a file, not verified against its content.
-
-    Raises
-    ------
-    FormatError : it cannot be read, is damaged or of another kind
-    """
-    module, _ = _identify(path, path)
-    found: dict[str, Any] = getattr(module, "peek", module.inspect)(path, path)
-    return found
 
 
 def doubts(path: Path) -> Iterator[tuple[str, str]]:

@@ -20,7 +20,7 @@ from ..models.records import Estimates, Meta, Recording
 from . import layout
 from . import tree as trees
 from .hdf5_parts import Parts
-from .hdf5_reader import Source, inspect, peek, read
+from .hdf5_reader import Source, inspect, read
 from .hdf5_stamp import stamp
 from .steady import SteadyFile
 from .steps import WINDOW, Windows, windows
@@ -34,7 +34,6 @@ __all__ = [
     "doubts",
     "TreeWriter",
     "inspect",
-    "peek",
     "read",
     "stamp",
     "write",

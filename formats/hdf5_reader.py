@@ -233,18 +233,6 @@ def inspect(source: Path | IO[bytes], path: object) -> dict[str, Any]:
         reader.file.close()
 
 
-def peek(source: Path | IO[bytes], path: object) -> dict[str, Any]:
-    """Kind and digests, verified as far as they tell of each other.
-
-    Raises
-    ------
-    FormatError : the file is damaged, or holds something else
-    """
-    reader = TreeReader(source, path)
-    reader.file.close()
-    return {**reader.header, "kind": reader.leaves.get("kind")}
-
-
 class Column:
     """A dataset that is read in parts, in order, and verified once all of it was."""
 

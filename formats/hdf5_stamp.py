@@ -15,10 +15,11 @@ from . import tree as trees
 _ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, RecursionError)
 _LIMIT = 1 << 26
 """Bytes that the tokens or the provenance may have."""
+_OWN = ("kind", "name", "provenance")
 
 
 def stamp(source: Path, path: object) -> dict[str, Any]:
-    """Digests, name and provenance of a file that is complete.
+    """Kind, digests, name and provenance of a file that is complete; scores have no name.
 
     Raises
     ------
@@ -33,7 +34,7 @@ def stamp(source: Path, path: object) -> dict[str, Any]:
         with h5py.File(source, "r") as file:
             header = {key: _plain(value) for key, value in file.attrs.items()}
             tokens = json.loads(_text(file, "tokens"))
-            found = {"name": header["name"], "provenance": _text(file, "provenance")}
+            header["provenance"] = _text(file, "provenance")
     except _ERRORS as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise FormatError(path, "", text) from error
@@ -41,10 +42,10 @@ def stamp(source: Path, path: object) -> dict[str, Any]:
         raise FormatError(path, "format_version", f"{header.get('format_version')} is not known")
     if trees.digest(tokens) != header.get("content_digest"):
         raise FormatError(path, "content_digest", "does not fit the content")
-    for name, value in found.items():
-        if trees.token(value) != tokens.get(name):
+    for name in _OWN:
+        if tokens.get(name) != (trees.token(header[name]) if name in header else None):
             raise FormatError(path, name, "does not fit its digest")
-    return {**header, **found}
+    return header
 
 
 def _plain(value: Any) -> str:

@@ -26,7 +26,7 @@ from ..models.errors import ParameterError
 from ..models.records import Estimates, Meta, Recording
 from . import layout, outlines, scene
 from . import tree as trees
-from .mcap_parts import Parts, peek
+from .mcap_parts import Parts
 from .mcap_reader import HEADER, TRAILER, Source, inspect, read
 from .mcap_records import MAGIC, MESSAGE
 from .mcap_stamp import stamp
@@ -45,7 +45,6 @@ __all__ = [
     "Source",
     "doubts",
     "inspect",
-    "peek",
     "read",
     "stamp",
     "rescue",

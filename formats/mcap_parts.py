@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -14,34 +13,24 @@ from ..models.errors import FormatError
 from ..models.records import Estimates, Recording
 from . import layout
 from . import tree as trees
-from .mcap_reader import ERRORS, TRAILER, Pass, decode, opened, reason, value
+from .mcap_reader import ERRORS, TRAILER, Pass, decode, reason, value
 from .mcap_records import metadata
 from .steps import WINDOW
 from .tables import Table
 from .watch import Watch
 
 
-def peek(source: Path | IO[bytes], path: object) -> dict[str, Any]:
-    """Kind, digests and provenance, found without reading the rest and so not yet verified.
-
-    Raises
-    ------
-    FormatError : the file is no whole file of echoset
-    """
-    file = opened(source, path)
+def _provenance(file: IO[bytes], path: object) -> Any:
+    """The provenance of each record, found without reading the rest and so not yet verified."""
     try:
         start = file.tell()
         trailer = metadata(file, TRAILER)
         file.seek(start)
         if trailer is None:
             raise ValueError("not a file of echoset")
-        kind = json.loads(value(trailer["tokens"])["kind"].partition(":")[2])
-        return {**trailer, "kind": kind, "provenance": value(trailer["provenance"])}
+        return value(trailer["provenance"])
     except ERRORS as error:
         raise FormatError(path, "summary", reason(error)) from error
-    finally:
-        if isinstance(source, Path):
-            file.close()
 
 
 class Parts:
@@ -59,7 +48,7 @@ class Parts:
         self.path, self._scans, self._carried = path, scans, int(carried)
         self._file = source.open("rb") if isinstance(source, Path) else source
         try:
-            provenance = peek(self._file, path)["provenance"]
+            provenance = _provenance(self._file, path)
             self.carries = "recording" in provenance
             self._provenance = str(provenance["recording" if carried else ""])
             self._pass = Pass(self._file, path, (self._carried,), scans)

@@ -350,6 +350,10 @@ class Source:
             scans = [s for s in window if s.stream == name]
             if not scans:
                 continue
+            bare = next((s.time_ns for s in scans if s.scan.keys() != empty.scan.keys()), None)
+            if bare is not None:
+                where = f"streams/{name} at {bare} ns"
+                raise FormatError(self._pass.path, where, "the values of the scan are missing")
             columns = [*empty.rows]
             counts = [len(s.rows[columns[0]]) if columns else 0 for s in scans]
             stream = replace(

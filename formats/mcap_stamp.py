@@ -33,7 +33,7 @@ _ERRORS = (OSError, McapError, struct.error, ValueError, LookupError, TypeError,
 
 
 def stamp(source: Path, path: object) -> dict[str, Any]:
-    """Digests and provenance of a file that is complete.
+    """Kind, digests, name and provenance of a file that is complete.
 
     Raises
     ------
@@ -46,7 +46,8 @@ def stamp(source: Path, path: object) -> dict[str, Any]:
         if trailer["format_version"] != str(layout.FORMAT_VERSION):
             raise ValueError(f"format version {trailer['format_version']} is not known here")
         provenance = json.loads(trailer["provenance"])[""]
-        return {**trailer, "name": header["leaves"]["name"], "provenance": provenance}
+        own = {name: header["leaves"][name] for name in ("kind", "name")}
+        return {**trailer, **own, "provenance": provenance}
     except _ERRORS as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise FormatError(path, "end of file", text) from error

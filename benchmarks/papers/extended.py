@@ -40,7 +40,8 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
         parts += [f"## `{scenario}`: {text}", f"![OSPA by epoch and method]({boxes})"]
         parts += [_published(found), gsncp.tables(found).replace("\n## ", "\n### ")]
     inputs = Inputs(recordings=(gsncp.simulated("radar-extended-r8", 0),))
-    page.picture("bound", inputs, folder / f"{NAME}-bound.svg")
+    for kind in ("scene", "bound"):
+        page.picture(kind, inputs, folder / f"{NAME}-{kind}.svg")
     page.write(
         folder,
         NAME,
@@ -48,7 +49,7 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
         f"{len({r['run'] for r in found})} of its {RUNS} runs of each scenario, seed {gsncp.SEED}.",
         INTRODUCTION,
         *parts,
-        BOUND,
+        SCENE,
     )
 
 
@@ -102,11 +103,14 @@ INTRODUCTION = """\
 Cox process and jump Markov chain Monte Carlo sampling*, section 5. The paper prints its figure 2
 as box plots without numbers. OSPA with the Gaussian-Wasserstein distance, order 2, cut-off 10 m;
 means over runs ± standard error, differences paired. `di-gsncp paper` has the paper's moves only,
-`oracle` is told which detection is whose. Our chains run longer than the
-paper's."""
-BOUND = """\
-## The bound of figure 1
+`oracle` is told which detection is whose. Moves are counted with the burn-in,
+which ends when no better state has come for `patience` moves: the paper's 200 end it before all
+targets are found, so ours are thousands; a move takes microseconds."""
+SCENE = """\
+## Figure 1: a scene, and its bound
 
-![Position error bound over the area](extended-bound.svg)
+The paper draws one scene, of which it publishes no numbers; this is run 0 of `radar-extended-r8`.
 
-The targets and detections of figure 1 are of one drawn scene, which the paper does not publish."""
+![Targets, radars and their detections](extended-scene.svg)
+
+![Position error bound over the area](extended-bound.svg)"""

@@ -18,13 +18,13 @@ from echoset.formats.atomic import atomic
 from echoset.formats.provenance import versions
 
 PACKAGE = Path(echoset.__file__).parent
-SOURCES = ("control", "estimators", "metrics", "models", "simulate")
-"""Folders of the package that decide numbers."""
+SOURCES = ("api.py", "control", "estimators", "formats", "metrics", "models", "simulate")
+"""What of the package decides numbers; the scripts beside this folder do, its pages do not."""
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """What ``make``, a function of a module, returns for ``arguments`` of plain values."""
+    """What ``make``, a function of the package or a script, returns for plain ``arguments``."""
 
     make: Callable[..., Any]
     arguments: tuple[Any, ...]
@@ -69,7 +69,8 @@ def sources() -> str:
     """Digest of the code and data that decide numbers."""
     digest = hashlib.sha256()
     scripts = Path(__file__).parents[1]
-    files = [p for folder in SOURCES for p in (PACKAGE / folder).rglob("*.*")]
+    found = [PACKAGE / name for name in SOURCES]
+    files = [p for path in found for p in (path.rglob("*.*") if path.is_dir() else [path])]
     files += [*scripts.glob("*_table.py"), *scripts.glob("marks_*.py"), scripts / "scene.py"]
     for path in sorted(p for p in files if p.suffix in (".py", ".yaml", ".npz")):
         digest.update(path.name.encode() + path.read_bytes())

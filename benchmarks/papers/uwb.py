@@ -21,6 +21,8 @@ from .pieces import Piece, chunks, share_of
 
 NAME = "uwb"
 RUNS, CHUNK = 100, 5
+SHOWN = "eopda-geo"
+"""The estimator of figure 4."""
 BOUNDS = ("pcrlb", "pcrlb-star")
 PUBLISHED = {"eopda-geo": ("0.18", "0.33"), "eopda-ideal": ("0.16", "0.67")}
 """Average RMSE [m] and seconds a step of table I."""
@@ -29,21 +31,17 @@ PUBLISHED = {"eopda-geo": ("0.18", "0.33"), "eopda-ideal": ("0.16", "0.67")}
 def pieces(share: float) -> list[Piece]:
     """Estimators by parts of the runs, and the measured recording if it is there."""
     parts = chunks(share_of(RUNS, share), CHUNK)
-    found = [Piece(marks.scored, (name, runs)) for name in marks.ESTIMATORS for runs in parts]
+    found = [Piece(marks.estimated, (SHOWN, 0))]
+    found += [Piece(marks.scored, (name, runs)) for name in marks.ESTIMATORS for runs in parts]
     if labyrinth_table.DATA.exists():
-        found += [Piece(labyrinth, tuple(s.items())) for s in labyrinth_table.ROWS.values()]
+        found += [Piece(labyrinth_table.rmse, (s,)) for s in labyrinth_table.ROWS.values()]
     return found
-
-
-def labyrinth(*settings: tuple[str, Any]) -> tuple[float, float]:
-    """Error on the measured recording and its standard error."""
-    return labyrinth_table.rmse(**dict(settings))
 
 
 def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
     """Write the page, both pictures and the errors over time."""
     simulated = [(p.arguments[0], r) for p, r in results if p.make is marks.scored]
-    measured = [r for p, r in results if p.make is labyrinth]
+    measured = [r for p, r in results if p.make is labyrinth_table.rmse]
     by_name: dict[str, list[Any]] = {name: [] for name, _ in simulated}
     for name, result in simulated:
         by_name[name].append(result)
@@ -58,6 +56,9 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
     for name in BOUNDS:
         cells = [f"{v:.3f}" for v in marks.bound(name).figures()[0]]
         rows.append([f"`{name}`", cells[0], "-", *cells[1:], "", "", ""])
+    shown = next(r for p, r in results if p.make is marks.estimated)
+    scene = Inputs(recordings=(marks.recording(0),), estimates=(shown,))
+    page.picture("scene", scene, folder / f"{NAME}-scene.svg")
     runs = len(c.error)
     segments = [f"{a}-{b}" for a, b in marks.SEGMENTS]
     head = ["", "mean", "published", *segments, "runs lost", "s a step", "published"]
@@ -101,9 +102,14 @@ not of the same scene.
 Root mean square error of the device [m] ± standard error, by a bootstrap over runs: its mean over
 steps 11 to 180, then over the steps named. All lines of sight are blocked in 31-60 and 111-130,
 some in 61-110. A run is lost with an error above 2 m after step 20. Seconds are of one processor,
-theirs and ours not the same. `pcrlb` counts the blockages and is not valid in 31-60 and 111-130,
-where the angle of the device is not observed; `pcrlb-star` has all lines of sight."""
+theirs and ours not the same; ours alone differ when the page is made again. `pcrlb` counts the
+blockages and is not valid in 31-60 and 111-130, where the angle of the device is not observed;
+`pcrlb-star` has all lines of sight."""
 FIGURES = """\
+## Figure 4: the path with one estimate
+
+![Path, anchors, and one estimate by eopda-geo](uwb-scene.svg)
+
 ## Figure 5a: error over time
 
 ![RMSE of device, centre and extent over time, with its bounds](uwb-rmse.svg)
@@ -116,8 +122,7 @@ The device's as numbers: [uwb-rmse.csv](uwb-rmse.csv).
 
 ## What is not here
 
-Figures 1 to 3 are sketches and a factor graph. Figure 4, the path with one estimate, is the
-README's picture, on the path of the scenario."""
+Figures 1 to 3 are sketches and a factor graph."""
 MEASURED = """\
 ## Measured
 

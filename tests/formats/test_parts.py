@@ -96,17 +96,17 @@ def test_damage_shows_at_the_end_at_the_latest(recording, tmp_path, format, plac
 
 
 @pytest.mark.parametrize("format", FORMATS)
-def test_peek_tells_kind_and_digests(recording, estimates, tmp_path, format):
+def test_stamp_tells_kind_and_digests(recording, estimates, tmp_path, format):
     for record in (recording, estimates):
         path = tmp_path / "a"
         formats.write(record, path, format)
-        found, whole = formats.peek(path), formats.inspect(path)
+        found, whole = formats.stamp(path), formats.inspect(path)
         kind = "estimates" if isinstance(record, Estimates) else "recording"
         assert found["kind"] == kind == whole["kind"]
         assert all(found[k] == whole[k] for k in ("content_digest", "observed_digest"))
     (tmp_path / "a").write_bytes((tmp_path / "a").read_bytes()[:-9])
     with pytest.raises(FormatError):
-        formats.peek(tmp_path / "a")
+        formats.stamp(tmp_path / "a")
 
 
 def test_index_that_does_not_fit_its_times(recording, tmp_path, monkeypatch):

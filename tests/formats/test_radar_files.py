@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
 from echoset import formats
-from echoset.formats import autoferry
+from echoset.formats import autoferry, mcap_reader
 from echoset.models import registry
+from echoset.models.errors import FormatError
 
 SCENARIOS = ("crossing", "meeting", "many", "moving-platform")
 
@@ -65,3 +68,26 @@ def test_recordings_without_scans_or_detections(tmp_path: Path, format: str, sca
     assert len(list(source.scans())) == scans
     source.close()
     assert source.observed_digest == formats.observed_digest(recording)
+
+
+def test_a_scan_whose_values_were_left_out_is_refused(tmp_path: Path, monkeypatch):
+    """Scan by scan as well, where no digest is known yet."""
+    recording, add, topics = make("moving-platform"), Writer.add_message, {}
+    register, time = Writer.register_channel, recording.streams["radar"].time_ns[1]
+
+    def registered(self, topic, *args, **kwargs):
+        channel = register(self, topic, *args, **kwargs)
+        topics[channel] = topic
+        return channel
+
+    def fewer(self, channel, log_time, *args, **kwargs):
+        if not (topics[channel].endswith("/scan") and log_time == time):
+            add(self, channel, log_time, *args, **kwargs)
+
+    monkeypatch.setattr(Writer, "register_channel", registered)
+    monkeypatch.setattr(Writer, "add_message", fewer)
+    monkeypatch.setattr(mcap_reader, "_WINDOW", 2)
+    formats.write(recording, tmp_path / "a.mcap", "mcap")
+    source = formats.open_source(tmp_path / "a.mcap")
+    with closing(source), pytest.raises(FormatError, match="values of the scan are missing"):
+        list(source.scans())

@@ -27,7 +27,7 @@ def plain(request, monkeypatch):
     monkeypatch.setattr(steps, "WINDOW", request.param)
 
     def take() -> None:
-        for name in ("Parts", "peek", "doubts"):
+        for name in ("Parts", "stamp", "doubts"):
             monkeypatch.delattr(hdf5, name)
 
     return take
@@ -41,11 +41,11 @@ def test_windows_are_the_same(recording, estimates, tmp_path, plain):
     for name, record in records.items():
         formats.write(record, tmp_path / name, "h5")
     before = [found(tmp_path / name, **how) for name, how in asked]
-    peeked = formats.peek(tmp_path / "recording")
+    stamped = formats.stamp(tmp_path / "recording")
     plain()
     assert [found(tmp_path / name, **how) for name, how in asked] == before
-    whole = formats.peek(tmp_path / "recording")
-    assert {key: whole[key] for key in peeked} == peeked
+    whole = formats.stamp(tmp_path / "recording")
+    assert {k: str(whole[k]) for k in stamped} == {k: str(v) for k, v in stamped.items()}
     assert list(formats.doubts(tmp_path / "recording")) == []
     with pytest.raises(FormatError, match="no recording"):
         formats.open_parts(tmp_path / "estimates", carried=True)
