@@ -85,7 +85,7 @@ def _draw_stations(scores: Scores, path: Path) -> None:
             row[0].set_ylabel(f"{name}: normalised OSPA [m]")
             row[1].set_ylabel(f"{name}: accuracy")
         for a in axes[1]:
-            a.set_xlabel("stations that sense")
+            a.set(xlabel="stations that sense", xticks=range(1, 7))
         legend(figure, axes[0, 0])
     page.save(figure, path)
 

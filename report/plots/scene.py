@@ -60,9 +60,9 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
         _objects(axes, recording.truth.objects, selection, None, "truth")
     for i, (name, objects) in enumerate(sets):
         _objects(axes, objects, selection, i, name)
+    _frame(axes, recording, sets)
     _sensors(above, recording, selection)
     above.set(xlabel="x [m]", ylabel="y [m]")
-    _frame(axes, recording, sets)
     shade(over, recording)
     over[0].set(ylabel="x [m]")
     over[1].set(xlabel="time [s]", ylabel="y [m]")
@@ -176,4 +176,7 @@ def _sensors(axes: Axes, recording: Recording, selection: Selection) -> None:
         axes.plot(
             *path[-1], color=BLACK, marker=marker, ls="", markersize=5, label=sensor.kind, zorder=6
         )
-        axes.annotate(name, path[-1], xytext=(5, 4), textcoords="offset points", zorder=7)
+        left, right = axes.get_xlim()
+        beyond = path[-1, 0] > right - 0.1 * (right - left)
+        where: dict[str, Any] = {"xytext": (-5, 4), "ha": "right"} if beyond else {"xytext": (5, 4)}
+        axes.annotate(name, path[-1], textcoords="offset points", zorder=7, **where)
