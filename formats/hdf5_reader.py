@@ -31,7 +31,7 @@ _ALLOWANCE, _RATIO = 1 << 28, 64
 """Bytes that a file may declare, and how many more for each that it has."""
 _CHECKSUM = 4
 _FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
-_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, OverflowError, zlib.error)
+_ERRORS = (OSError, LookupError, RuntimeError, ValueError, TypeError, OverflowError, zlib.error)
 
 
 class TreeReader:
@@ -108,9 +108,9 @@ class TreeReader:
         if room > _MAX_CHUNK:
             raise FormatError(self.path, path, f"chunks of {room} bytes")
         pipeline = data.id.get_create_plist()
-        for k in range(pipeline.get_nfilters()):
-            if pipeline.get_filter(k)[0] not in _FILTERS:
-                raise FormatError(self.path, path, "a filter that is not expected")
+        filters = [pipeline.get_filter(k)[0] for k in range(pipeline.get_nfilters())]
+        if not _FILTERS.issuperset(filters):
+            raise FormatError(self.path, path, "a filter that is not expected")
         sizes, large = [room], []
 
         def measure(chunk: Any) -> None:
@@ -122,7 +122,7 @@ class TreeReader:
         if max(sizes) > room + (room >> 6) + 64 or min(sizes) <= _CHECKSUM:
             odd = max(sizes, key=lambda size: abs(size - room))
             raise FormatError(self.path, path, f"a chunk of {room} bytes is stored in {odd}")
-        for offset in large if data.compression == "gzip" else ():
+        for offset in large if h5py.h5z.FILTER_DEFLATE in filters else ():
             stored = data.id.read_direct_chunk(offset)[1]
             if len(zlib.decompressobj().decompress(stored, room + 1)) > room:
                 raise FormatError(self.path, path, f"a chunk of {room} bytes holds more")

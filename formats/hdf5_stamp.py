@@ -12,7 +12,7 @@ from ..models.errors import FormatError
 from . import layout
 from . import tree as trees
 
-_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, RecursionError)
+_ERRORS = (OSError, LookupError, RuntimeError, ValueError, TypeError, RecursionError)
 _LIMIT = 1 << 26
 """Bytes that the tokens or the provenance may have."""
 _OWN = ("kind", "name", "provenance")

@@ -133,7 +133,7 @@ def _read_h5(data: bytes, path: object) -> Scores:
         provenance = json_object(tree["provenance"], path)
         return Scores(recording, estimator, metric, part, time, value, n, stderr, provenance)
     except (KeyError, IndexError, TypeError, ValueError) as error:
-        raise FormatError(path, "", f"not a table of scores: {error}") from None
+        raise FormatError(path, "columns", f"not a table of scores: {error}") from None
 
 
 def _named(names: list[str], index: np.ndarray[Any, Any]) -> Words:

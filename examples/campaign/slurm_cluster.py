@@ -17,7 +17,7 @@ from dask_jobqueue import SLURMCluster
 
 
 def main() -> int:
-    """Start the jobs, run the command, cancel the jobs."""
+    """Keep the jobs running while the command does, replacing those lost; then cancel them."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--jobs", type=int, default=10, help="number of SLURM jobs")
     parser.add_argument("--cores", type=int, default=1, help="processes in each of them")
@@ -35,7 +35,7 @@ def main() -> int:
         job_script_prologue=["export OMP_NUM_THREADS=1"],
         scheduler_options={"dashboard": False},
     ) as cluster:
-        cluster.scale(jobs=args.jobs)
+        cluster.adapt(minimum_jobs=args.jobs, maximum_jobs=args.jobs)
         words = ["echoset", *args.command, "--cluster", cluster.scheduler_address]
         return subprocess.run(words).returncode
 

@@ -75,7 +75,7 @@ def test_crontab(place, campaign):
     (place / "recordings/bad.h5").write_bytes(b"")
     found = cron()
     assert (found.returncode, found.stdout, found.stderr) == (4, b"", b"")
-    assert "bad.h5: is empty" in (place / "campaign.log").read_text()
+    assert "bad.h5: byte 0: the file is empty" in (place / "campaign.log").read_text()
     assert len(names(place / "estimates")) == 3
     (place / "recordings/bad.h5").unlink()
     assert cron().returncode == 0

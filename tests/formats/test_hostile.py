@@ -101,6 +101,17 @@ def test_h5_large_chunk_that_inflates_to_more(h5):
     refused(edited(h5, put), "x", "a chunk of 1048576 bytes holds more")
 
 
+def test_h5_filter_without_its_parameter(h5):
+    def put(file):
+        made = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        made.set_chunk((8,))
+        made.set_filter(h5py.h5z.FILTER_DEFLATE, h5py.h5z.FLAG_OPTIONAL, ())
+        space = h5py.h5s.create_simple((8,))
+        h5py.h5d.create(file.id, b"x", h5py.h5t.NATIVE_DOUBLE, space, made)
+
+    refused(edited(h5, put), "x: missing, or not part of the content")
+
+
 def test_h5_of_many_zeros(h5):
     def put(file):
         data = file.create_dataset("x", (2**28,), "f8", chunks=(2**21,), compression="gzip")

@@ -19,12 +19,12 @@ Change = Callable[[bytes, Rng], bytes]
 
 
 def change(data: bytes, kind: str, rng: Rng) -> bytes:
-    """``data`` changed in one to three ways."""
-    changes = [*BYTES, *KINDS[kind]]
-    weights = np.array([1.0] * len(BYTES) + [2.0] * len(KINDS[kind]))
-    for _ in range(int(rng.choice((1, 1, 1, 2, 3)))):
-        chosen = changes[rng.choice(len(changes), p=weights / weights.sum())]
-        data = chosen(data, rng)
+    """``data`` changed in one to three ways, first those that need it to be sound."""
+    changes = [*KINDS[kind], *BYTES]
+    weights = np.array([2.0] * len(KINDS[kind]) + [1.0] * len(BYTES))
+    number = int(rng.choice((1, 1, 1, 2, 3)))
+    for chosen in np.sort(rng.choice(len(changes), number, p=weights / weights.sum())):
+        data = changes[chosen](data, rng)
     return data
 
 
