@@ -14,7 +14,10 @@ TUNED = {
     "p_survive": 0.999,
     "clutter_rate": 0.1,
     "std_acceleration": 2.0,
-    "birth": "components",
+    # Not at the site plan's places: who is told apart only after leaving them would never appear.
+    "birth": "detections",
+    "birth_rate": 0.1,
+    "birth_std_velocity": (2.0, 2.0),
     "gate_pedestrian": 3.0,
     "gate_vehicle": 5.0,
     "room_pedestrian": 0.65,

@@ -115,6 +115,17 @@ def test_a_target_that_is_nowhere_expected_comes_by_a_wide_birth(module, network
 
 
 @FILTERS
+def test_a_target_off_the_site_plan_comes_by_its_detections(module, network):
+    """What starts, and stays, where no birth is: found by the preset tuned, not by paper."""
+    track = np.array([6.0, 7.0]) + np.arange(12)[:, None, None] * 0.05 * np.array([1.0, -0.5])
+    scene = map_scene.recording(track, [PEDESTRIAN], 3, np.random.default_rng(3), BIRTHS[:1])
+    for preset, count in (("paper", 0), ("tuned", 1)):
+        last = run(module, scene, network, preset=preset)[-1].objects
+        assert len(last.label) == count
+    assert np.hypot(*(last.state[0, :2] - track[-1, 0])) < 0.4
+
+
+@FILTERS
 def test_the_step_is_a_pure_function(module, scene, network):
     context = module.Context.of(scene.setup(), params(module, scene, network))
     state = module.init()
