@@ -3,8 +3,8 @@
 E. Favarelli, E. Matricardi, L. Pucci, E. Paolini, W. Xu and A. Giorgetti, "Multi-base station
 cooperative sensing with AI-aided tracking", section III. The maps that stations took at one time
 become a soft map; a network tells the class of each target that the filter follows, and so its
-gate; bright pixels become detections with covariances. Each of the three parts is a function that
-a caller may replace.
+gate; bright pixels become detections with covariances. Each part is a function that a caller may
+replace.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from .kernels.compiled import pixels as compiled_pixels
 from .kernels.fusion import Pixels, Table, table
 from .kernels.pixels import summary
 from .map_params import MapParams
+from .pairs import split
 from .sensing import Look, look
 
 MAPS = "range_angle_map"
@@ -46,6 +47,8 @@ Fuse = Callable[[int, Sequence[Scan]], Array]
 """Time [ns] and the scans of the maps then -> soft map (ny, nx)."""
 Identify = Callable[[int, Array, Array], Array]
 """Time [ns], soft map and positions (n, 2) -> probabilities (n, 2) of the classes there."""
+Split = Callable[[Callable[[Array], Array], Array, Array, Array], tuple[Array, Array]]
+"""Classes at positions, soft map, positions (k, 2), classes (k,) -> both, a pair as two."""
 Cluster = Callable[[int, Array, Array, Array, Array], tuple[Array, Array]]
 """Time, soft map, positions (k, 2), gates and rooms (k,) -> detections (n, 2), covariances."""
 Classes = Mapping[int, Array]
@@ -157,6 +160,7 @@ class Chain:
     unused: frozenset[str]
     fuse: Fuse
     identify: Identify | None
+    split: Split
     cluster: Cluster
 
     @staticmethod
@@ -190,6 +194,7 @@ class Chain:
             frozenset(unused),
             partial(fuse, stations, pixels),
             told,
+            partial(split, params, pixels, float(len(used))),
             partial(cluster, params, pixels, float(len(used))),
         )
 
@@ -254,9 +259,12 @@ def see(
         now -= np.logaddexp.reduce(now, axis=1, keepdims=True)
         known = dict(zip(label.tolist(), now, strict=True))
     kind = np.array([known[l].argmax() if known else 0 for l in label.tolist()], int)
+    apart = alone(where, np.array(chain.params.rooms)[kind], np.lexsort((label, -kind)))
+    where, kind = where[apart], kind[apart]
+    if chain.identify is not None:
+        where, kind = chain.split(partial(chain.identify, time_ns, soft), soft, where, kind)
     gate, room = (np.array(sizes)[kind] for sizes in (chain.params.gates, chain.params.rooms))
-    apart = alone(where, room, np.lexsort((label, -kind)))
-    detections = chain.cluster(time_ns, soft, where[apart], gate[apart], room[apart])
+    detections = chain.cluster(time_ns, soft, where, gate, room)
     return Sight(time_ns, soft, *detections, known)
 
 

@@ -22,6 +22,7 @@ TUNED = {
     "gate_vehicle": 5.0,
     "room_pedestrian": 0.65,
     "room_vehicle": 2.8,
+    "pair": (1.5, 3.5),
     "excision_new": 400.0,
     "dbscan_points": 30,
     "spread": 0.1,
@@ -59,6 +60,12 @@ class MapParams(TargetParams):
         0.0, "m", "radius that a pedestrian has to itself: where two overlap, one is a double"
     )
     room_vehicle: float = parameter(0.0, "m", "the same for a vehicle")
+    pair: tuple[float, float] = parameter(
+        (0.0, 0.0),
+        "m",
+        "a pedestrian whose brightest pixels have two centres whose distance lies between these is "
+        "two, if the network agrees; equal: never",
+    )
     min_pixels: int = parameter(10, "1", "least bright pixels of a known target for a detection")
     spread: float = parameter(
         1.0, "1", "variance of a detection over that of its pixels; 1: eq. 15 as it stands"
@@ -81,6 +88,7 @@ class MapParams(TargetParams):
         require(count <= LARGEST, "map_cell", f"so that {LARGEST} pixels suffice", self.map_cell)
         for name in ("room_pedestrian", "room_vehicle"):
             require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
+        require(0 <= self.pair[0] <= self.pair[1], "pair", "at least 0 and in order", self.pair)
         for name in ("excision", "excision_new"):
             require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
         for name in ("min_pixels", "dbscan_points"):
