@@ -30,7 +30,7 @@ class _Loader(yaml.SafeLoader):
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
         for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode):
+            if isinstance(key, yaml.ScalarNode) and not key.tag.startswith("!"):
                 key.tag = "tag:yaml.org,2002:str"
         found = super().construct_mapping(node, deep)
         if len(found) < len(node.value):
