@@ -47,8 +47,8 @@ Fuse = Callable[[int, Sequence[Scan]], Array]
 """Time [ns] and the scans of the maps then -> soft map (ny, nx)."""
 Identify = Callable[[int, Array, Array], Array]
 """Time [ns], soft map and positions (n, 2) -> probabilities (n, 2) of the classes there."""
-Split = Callable[[Callable[[Array], Array], Array, Array, Array], tuple[Array, Array]]
-"""Classes at positions, soft map, positions (k, 2), classes (k,) -> both, a pair as two."""
+Split = Callable[[int, Array, Array, Array], tuple[Array, Array]]
+"""Time, soft map, positions (k, 2) and classes (k,) of targets -> both, a pair being two."""
 Cluster = Callable[[int, Array, Array, Array, Array], tuple[Array, Array]]
 """Time, soft map, positions (k, 2), gates and rooms (k,) -> detections (n, 2), covariances."""
 Classes = Mapping[int, Array]
@@ -130,8 +130,7 @@ def cluster(
     pixels makes no detection, nor does a cluster that leaves no room for a target beside the
     ``room`` (k,) of a known one. The soft map's ``noise`` is its mean where nothing is.
     """
-    row, column = np.nonzero(soft > params.excision * noise)
-    point = np.stack((pixels.x(column), pixels.y(row)), 1)
+    row, column, point = pixels.above(soft, params.excision * noise)
     where = np.ascontiguousarray(where, float)
     known = compiled_pixels.nearest(point, where, gate, room)
     n, z, R = summary(point, known, len(where), pixels.cell)
@@ -194,7 +193,7 @@ class Chain:
             frozenset(unused),
             partial(fuse, stations, pixels),
             told,
-            partial(split, params, pixels, float(len(used))),
+            partial(split, params, pixels, float(len(used)), told),
             partial(cluster, params, pixels, float(len(used))),
         )
 
@@ -261,8 +260,7 @@ def see(
     kind = np.array([known[l].argmax() if known else 0 for l in label.tolist()], int)
     apart = alone(where, np.array(chain.params.rooms)[kind], np.lexsort((label, -kind)))
     where, kind = where[apart], kind[apart]
-    if chain.identify is not None:
-        where, kind = chain.split(partial(chain.identify, time_ns, soft), soft, where, kind)
+    where, kind = chain.split(time_ns, soft, where, kind)
     gate, room = (np.array(sizes)[kind] for sizes in (chain.params.gates, chain.params.rooms))
     detections = chain.cluster(time_ns, soft, where, gate, room)
     return Sight(time_ns, soft, *detections, known)

@@ -64,7 +64,7 @@ class MapParams(TargetParams):
         (0.0, 0.0),
         "m",
         "a pedestrian whose brightest pixels have two centres whose distance lies between these is "
-        "two, if the network agrees; equal: never",
+        "two, if the network agrees; equal, or without network: never",
     )
     min_pixels: int = parameter(10, "1", "least bright pixels of a known target for a detection")
     spread: float = parameter(
@@ -89,6 +89,9 @@ class MapParams(TargetParams):
         for name in ("room_pedestrian", "room_vehicle"):
             require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
         require(0 <= self.pair[0] <= self.pair[1], "pair", "at least 0 and in order", self.pair)
+        room = 2 * self.room_pedestrian
+        apart = self.pair[0] == self.pair[1] or self.pair[0] >= room
+        require(apart, "pair", f"at least twice room_pedestrian, {room:g}", self.pair)
         for name in ("excision", "excision_new"):
             require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
         for name in ("min_pixels", "dbscan_points"):

@@ -29,7 +29,8 @@ def split(
     params: MapParams,
     pixels: Pixels,
     noise: float,
-    identify: Callable[[Array], Array],
+    identify: Callable[[int, Array, Array], Array] | None,
+    time_ns: int,
     soft: Array,
     where: Array,
     kind: Array,
@@ -38,13 +39,13 @@ def split(
 
     Of a pedestrian among the targets at ``where`` (k, 2) of classes ``kind`` (k,), the brightest
     pixels are parted in two. It is a pair if the distance of the halves lies between the two of
-    ``params.pair`` and ``identify`` gives a pedestrian at both. The second halves come last.
+    ``params.pair``, other targets leave both room, and ``identify`` gives a pedestrian at both.
+    The second halves come last.
     """
     shortest, longest = params.pair
-    if longest <= shortest or not len(where):
+    if identify is None or longest <= shortest:
         return where, kind
-    row, column = np.nonzero(soft > params.excision * noise)
-    point, power = np.stack((pixels.x(column), pixels.y(row)), 1), soft[row, column]
+    row, column, point = pixels.above(soft, params.excision * noise)
     gate, room = (np.array(sizes)[kind] for sizes in (params.gates, params.rooms))
     known = compiled_pixels.nearest(point, np.ascontiguousarray(where, float), gate, room)
     found: dict[int, Array] = {}
@@ -52,12 +53,15 @@ def split(
         mine = known == i
         if mine.sum() < params.min_pixels:
             continue
-        two = halves(point[mine & (power > SHARE * power[mine].max())])
-        if shortest < np.hypot(*(two[1] - two[0])) < longest:
+        power = soft[row[mine], column[mine]]
+        two = halves(point[mine][power > SHARE * power.max()])
+        others = np.delete(where, i, axis=0)[:, None], np.delete(room, i)[:, None]
+        free = np.hypot(*(others[0] - two).T) >= (others[1] + params.room_pedestrian).T
+        if shortest < np.hypot(*(two[1] - two[0])) < longest and free.all():
             found[i] = two
     if not found:
         return where, kind
-    p = identify(np.concatenate([*found.values()]))[:, PEDESTRIAN].reshape(-1, 2)
+    p = identify(time_ns, soft, np.concatenate([*found.values()]))[:, PEDESTRIAN].reshape(-1, 2)
     pairs = {i: two for (i, two), sure in zip(found.items(), p.min(1) > SURE, strict=True) if sure}
     first = where.copy()
     for i, two in pairs.items():

@@ -199,7 +199,7 @@ def stamp(path: Path) -> dict[str, Any]:
     try:
         provenance = json.loads(found["provenance"])
         return {**provenance, **found, "format": name, "provenance": provenance}
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise FormatError(path, "provenance", "cannot be read") from error
 
 

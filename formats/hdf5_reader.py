@@ -22,7 +22,7 @@ from . import tree as trees
 from .steps import WINDOW
 from .tree import ArrayToken, Tree
 
-_ROOT = {"Conventions", "format_version", "content_digest", "observed_digest"}
+HEADER = {"Conventions", "format_version", "content_digest", "observed_digest"}
 _MAX_DEPTH, _MAX_NODES, _MAX_TEXT = 8, 20_000, 1 << 24
 _MAX_CHUNK, _LARGE = 1 << 26, 1 << 18
 """Bytes of a chunk, which is read whole; and stored ones from which on it is looked into before,
@@ -31,7 +31,7 @@ _ALLOWANCE, _RATIO = 1 << 28, 64
 """Bytes that a file may declare, and how many more for each that it has."""
 _CHECKSUM = 4
 _FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
-_ERRORS = (OSError, LookupError, RuntimeError, ValueError, TypeError, OverflowError, zlib.error)
+ERRORS = (OSError, LookupError, RuntimeError, ValueError, TypeError, OverflowError, zlib.error)
 
 
 class TreeReader:
@@ -42,21 +42,21 @@ class TreeReader:
         self.leaves: dict[str, Any] = {}
         self._nodes = self._bytes = 0
         try:
-            self._size = _checked_size(source, path)
+            self._size = checked_size(source, path)
             self.file = h5py.File(source, "r")
-        except _ERRORS as error:
-            raise FormatError(path, "superblock", _one_line(error)) from error
+        except ERRORS as error:
+            raise FormatError(path, "superblock", one_line(error)) from error
         try:
             self._place = "/"
             self._walk(self.file, "", 0)
             self._place = "/"
-            self.header = {k: self.leaves.pop(k) for k in _ROOT}
+            self.header = {k: self.leaves.pop(k) for k in HEADER}
             self.tokens: dict[str, str] = json.loads(self._value("tokens"))
             del self.leaves["tokens"]
             self._verify_header()
-        except _ERRORS as error:
+        except ERRORS as error:
             self.file.close()
-            raise FormatError(path, self._place, _one_line(error)) from error
+            raise FormatError(path, self._place, one_line(error)) from error
         except BaseException:
             self.file.close()
             raise
@@ -67,7 +67,7 @@ class TreeReader:
             raise FormatError(self.path, prefix, "groups nested too deeply")
         for name in group.attrs:
             self._visit(prefix + name)
-            self.leaves[prefix + name] = _attribute(group, name)
+            self.leaves[prefix + name] = attribute(group, name)
         for name in group:
             path = prefix + name
             self._visit(path)
@@ -168,17 +168,17 @@ class TreeReader:
         for path in paths:
             try:
                 leaves[path] = self._value(path)
-            except _ERRORS as error:
-                raise FormatError(self.path, path, _one_line(error)) from error
+            except ERRORS as error:
+                raise FormatError(self.path, path, one_line(error)) from error
             self.verify(path, trees.token(leaves[path]))
         return trees.unflatten(leaves)
 
 
-def _checked_size(source: Path | IO[bytes], path: object) -> int:
+def checked_size(source: Path | IO[bytes], path: object) -> int:
     """The size [bytes] of a file that has none after the end that its superblock states."""
     if isinstance(source, Path):
         with source.open("rb") as file:
-            return _checked_size(file, path)
+            return checked_size(file, path)
     head = source.read(48)
     size = source.seek(0, 2)
     source.seek(0)
@@ -188,10 +188,10 @@ def _checked_size(source: Path | IO[bytes], path: object) -> int:
 
 
 def _attributes(data: h5py.Dataset) -> dict[str, Any]:
-    return {name: _attribute(data, name) for name in islice(data.attrs, 10)}
+    return {name: attribute(data, name) for name in islice(data.attrs, 10)}
 
 
-def _attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
+def attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
     """An attribute: a number, or a text of fixed length."""
     stored = item.attrs.get_id(name)
     if stored.shape != () or stored.dtype.kind not in "iufbS":
@@ -202,7 +202,7 @@ def _attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _one_line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     return " ".join(str(error).split())[:300] or type(error).__name__
 
 
@@ -252,8 +252,8 @@ class Column:
         """The rows ``start:stop``, which follow those taken before."""
         try:
             values = self._data[start:stop]
-        except _ERRORS as error:
-            raise FormatError(self._reader.path, self._path, _one_line(error)) from error
+        except ERRORS as error:
+            raise FormatError(self._reader.path, self._path, one_line(error)) from error
         if len(values) != stop - start:
             raise FormatError(self._reader.path, self._path, f"ends before row {stop}")
         self._token.update(values)

@@ -11,8 +11,8 @@ import h5py
 from ..models.errors import FormatError
 from . import layout
 from . import tree as trees
+from .hdf5_reader import ERRORS, HEADER, attribute, checked_size, one_line
 
-_ERRORS = (OSError, LookupError, RuntimeError, ValueError, TypeError, RecursionError)
 _LIMIT = 1 << 26
 """Bytes that the tokens or the provenance may have."""
 _OWN = ("kind", "name", "provenance")
@@ -25,31 +25,30 @@ def stamp(source: Path, path: object) -> dict[str, Any]:
     ------
     FormatError : it was cut, or its root is damaged or not one of ours
     """
+    place = "superblock"
     try:
-        with source.open("rb") as plain:
-            head = plain.read(48)
-        end = int.from_bytes(head[40:48], "little")
-        if len(head) == 48 and head[8] == 0 and end < source.stat().st_size:
-            raise ValueError(f"data after the end at byte {end}")
+        checked_size(source, path)
         with h5py.File(source, "r") as file:
-            header = {key: _plain(value) for key, value in file.attrs.items()}
+            place = "/"
+            wanted = (name for name in (*HEADER, *_OWN) if name in file.attrs)
+            found = {name: attribute(file, name) for name in wanted}
             tokens = json.loads(_text(file, "tokens"))
-            header["provenance"] = _text(file, "provenance")
-    except _ERRORS as error:
-        text = " ".join(str(error).split()) or type(error).__name__
-        raise FormatError(path, "", text) from error
-    if header.get("format_version") != str(layout.FORMAT_VERSION):
-        raise FormatError(path, "format_version", f"{header.get('format_version')} is not known")
-    if trees.digest(tokens) != header.get("content_digest"):
-        raise FormatError(path, "content_digest", "does not fit the content")
+            found["provenance"] = _text(file, "provenance")
+        expected = {
+            "format_version": layout.FORMAT_VERSION,
+            "content_digest": trees.digest(tokens),
+            "observed_digest": trees.observed_digest(tokens),
+        }
+        own = {name: trees.token(found[name]) for name in _OWN if name in found}
+    except (*ERRORS, AttributeError, RecursionError) as error:
+        raise FormatError(path, place, one_line(error)) from error
+    for name, value in expected.items():
+        if found.get(name) != value:
+            raise FormatError(path, name, f"is {str(found.get(name))[:80]}, not {value}")
     for name in _OWN:
-        if tokens.get(name) != (trees.token(header[name]) if name in header else None):
+        if own.get(name) != tokens.get(name):
             raise FormatError(path, name, "does not fit its digest")
-    return header
-
-
-def _plain(value: Any) -> str:
-    return value.decode() if isinstance(value, bytes) else str(value)
+    return found
 
 
 def _text(file: h5py.File, name: str) -> str:

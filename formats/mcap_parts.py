@@ -1,4 +1,4 @@
-"""Reading MCAP files in windows of time, and what their summary tells."""
+"""Reading MCAP files in windows of time."""
 
 from __future__ import annotations
 

@@ -326,18 +326,18 @@ class Source:
     def scans(self) -> Iterator[Scan]:
         """All scans in the order of the file, which is that of time."""
         window: list[Scan] = []
-        pending: dict[str, Any] = {}
+        pending: dict[str, dict[str, Any]] = {}
         previous: dict[str, int] = {}
         while self._first is not None:
             section, table, message = self._first
             scan, rows = decode(section, table, message, self._pass.path)
             if table.group.startswith("streams/"):
-                pending |= scan
+                pending.setdefault(table.group, {}).update(scan)
                 if table.primary:
                     seen = {c: v for c, v in rows.items() if not COLUMNS[c].evaluation}
                     name = table.group.removeprefix("streams/")
-                    window.append(Scan(name, message.log_time, pending, seen))
-                    pending = {}
+                    values = pending.pop(table.group)
+                    window.append(Scan(name, message.log_time, values, seen))
             if len(window) == _WINDOW:
                 yield from self._checked(window, previous)
                 window = []
@@ -353,7 +353,9 @@ class Source:
             bare = next((s.time_ns for s in scans if s.scan.keys() != empty.scan.keys()), None)
             if bare is not None:
                 where = f"streams/{name} at {bare} ns"
-                raise FormatError(self._pass.path, where, "the values of the scan are missing")
+                raise FormatError(
+                    self._pass.path, where, "the values of the scan do not fit its stream"
+                )
             columns = [*empty.rows]
             counts = [len(s.rows[columns[0]]) if columns else 0 for s in scans]
             stream = replace(

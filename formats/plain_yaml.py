@@ -24,13 +24,18 @@ class _Loader(yaml.SafeLoader):
     }
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
+        event = self.peek_event()  # type: ignore[no-untyped-call]
+        if isinstance(event, yaml.AliasEvent):
             raise yaml.YAMLError("aliases are not allowed")
+        key = isinstance(parent, yaml.MappingNode) and index is None
+        if key and getattr(event, "tag", None) is not None:
+            reason = f"a key with the tag {event.tag[:80]}"
+            raise yaml.MarkedYAMLError(problem=reason, problem_mark=event.start_mark)
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
         for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode) and not key.tag.startswith("!"):
+            if isinstance(key, yaml.ScalarNode):
                 key.tag = "tag:yaml.org,2002:str"
         found = super().construct_mapping(node, deep)
         if len(found) < len(node.value):

@@ -37,7 +37,7 @@ def pieces(share: float) -> list[Piece]:
 
 
 def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
-    """Write the page, and the error over time as data."""
+    """Write the page, two pictures, and the error over time as data."""
     simulated = [r for p, r in results if p.make is jsc.scores_of]
     found = [line for p, r in results if p.make is autoferry.lines for line in r]
     made = next(p.arguments[2] for p, _ in results if p.make is jsc.scores_of)

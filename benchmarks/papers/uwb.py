@@ -39,7 +39,7 @@ def pieces(share: float) -> list[Piece]:
 
 
 def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
-    """Write the page, both pictures and the errors over time."""
+    """Write the page, three pictures, and the errors over time as data."""
     simulated = [(p.arguments[0], r) for p, r in results if p.make is marks.scored]
     measured = [r for p, r in results if p.make is labyrinth_table.rmse]
     by_name: dict[str, list[Any]] = {name: [] for name, _ in simulated}

@@ -51,6 +51,11 @@ class Pixels:
         y, x = np.meshgrid(self.y(np.arange(self.ny)), self.x(np.arange(self.nx)), indexing="ij")
         return np.stack((x.ravel(), y.ravel()), 1)
 
+    def above(self, map_: Array, threshold: float) -> tuple[Array, Array, Array]:
+        """Rows (n,), columns (n,) and centres (n, 2) [m] of the pixels of a map that exceed it."""
+        row, column = np.nonzero(map_ > threshold)
+        return row, column, np.stack((self.x(column), self.y(row)), 1)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:

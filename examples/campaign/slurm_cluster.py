@@ -20,15 +20,14 @@ def main() -> int:
     """Keep the jobs running while the command does, replacing those lost; then cancel them."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--jobs", type=int, default=10, help="number of SLURM jobs")
-    parser.add_argument("--cores", type=int, default=1, help="processes in each of them")
     parser.add_argument("--memory", default="2GB", help="of each job")
     parser.add_argument("--walltime", default="04:00:00", help="of each job")
     parser.add_argument("--interface", help="network of the nodes, such as ib0")
     parser.add_argument("command", nargs="+", help="arguments of echoset, after --")
     args = parser.parse_args()
     with SLURMCluster(
-        cores=args.cores,
-        processes=args.cores,
+        cores=1,  # and so one worker a job: only then is a lost job replaced
+        processes=1,
         memory=args.memory,
         walltime=args.walltime,
         interface=args.interface,

@@ -1,6 +1,7 @@
 """The way from maps to classified targets, in the filters and part by part."""
 
 from dataclasses import replace
+from functools import partial
 
 import map_scene
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 from map_scene import PEDESTRIAN, VEHICLE
 
 from echoset.estimators import front, mbm, phd
+from echoset.estimators.kernels.fusion import Pixels
+from echoset.estimators.pairs import split
 from echoset.formats import weights
 from echoset.models.checks import check, check_objects, check_steps
 from echoset.models.errors import FormatError, InputError, ParameterError
@@ -294,6 +297,26 @@ def test_new_targets_need_brighter_pixels_and_room(scene, network):
     np.testing.assert_allclose(places(), [dim, beside, far])
     changes = {"excision_new": 200.0, "room_pedestrian": 0.6, "room_vehicle": 3.0}
     np.testing.assert_allclose(places(**changes), [far])
+
+
+@pytest.mark.parametrize(("pair", "count"), [((1.5, 3.5), 2), ((0.0, 0.0), 1)])
+def test_two_who_are_followed_as_one(scene, network, pair, count):
+    """What is taken for a pair makes two detections, at once."""
+    made = chain(scene, network, preset="tuned", pair=pair)
+    pixels = Pixels.of(made.params.map_region, made.params.map_cell)
+    x, y = pixels.centres().T.reshape(2, pixels.ny, pixels.nx)
+    spots = sum(np.exp(-0.5 * ((x - a) ** 2 + y**2) / 0.3**2) for a in (-1.1, 1.1))
+    soft = np.asarray(1e4 * spots, np.float32)
+    sure = np.array([[0.99, 0.01]])
+
+    def told(time_ns, soft, where):
+        return np.repeat(sure, len(where), axis=0)
+
+    part = partial(split, made.params, pixels, 3.0, told)
+    made = replace(made, fuse=lambda t, scans: soft, identify=told, split=part)
+    sight = front.see(made, first(scene), np.array([7]), np.zeros((1, 2)), {})
+    expected = [[-1.1, 0.0], [1.1, 0.0]] if count == 2 else [[0.0, 0.0]]
+    np.testing.assert_allclose(sight.z[np.argsort(sight.z[:, 0])], expected, atol=0.05)
 
 
 def test_doubles_are_left_out_by_order():

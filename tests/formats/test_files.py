@@ -75,11 +75,12 @@ def test_who_holds_frames_changes_no_byte(recording, tmp_path, format):
     """As the profilers of Dask workers and of debuggers do, here and there."""
     formats.write(recording, tmp_path / "a", format)
     held: list[object] = []
+    before = sys.getprofile()
     sys.setprofile(lambda frame, event, arg: held.append(frame))
     try:
         formats.write(recording, tmp_path / "b", format)
     finally:
-        sys.setprofile(None)
+        sys.setprofile(before)
     assert len(held) > 1000
     held.clear()
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()

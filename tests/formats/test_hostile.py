@@ -332,10 +332,11 @@ def test_log_of_deep_json_and_endless_lines(tmp_path):
         "- " * 20_000,
         "a: !!python/object/apply:os.system [ls]",
         "{a: 1,!b: 2}",
+        "!!int 1: a",
         "a: " + "9" * 5000,
         "a: \0",
     ],
-    ids=["deep", "alias", "mappings", "lists", "object", "tag", "digits", "nul"],
+    ids=["deep", "alias", "mappings", "lists", "object", "tag", "standard", "digits", "nul"],
 )
 def test_yaml_that_is_deep_or_more_than_data(tmp_path, text):
     (tmp_path / "a.yaml").write_text(text)

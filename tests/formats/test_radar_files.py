@@ -89,5 +89,5 @@ def test_a_scan_whose_values_were_left_out_is_refused(tmp_path: Path, monkeypatc
     monkeypatch.setattr(mcap_reader, "_WINDOW", 2)
     formats.write(recording, tmp_path / "a.mcap", "mcap")
     source = formats.open_source(tmp_path / "a.mcap")
-    with closing(source), pytest.raises(FormatError, match="values of the scan are missing"):
+    with closing(source), pytest.raises(FormatError, match="values of the scan do not fit"):
         list(source.scans())

@@ -60,8 +60,10 @@ def _record(paths: list[Path]) -> Recording | Estimates:
         if also:
             _tried(lambda: _scans(path))
             _tried(lambda: list(_windows(path)))
+            _tried(lambda: formats.stamp(path))
         raise
     if also:
+        assert formats.stamp(path)["content_digest"] == digest(record)
         if isinstance(record, Recording):
             assert _scans(path) == sum(map(len, record.streams.values()))
         whole = tree.flatten(
@@ -73,6 +75,11 @@ def _record(paths: list[Path]) -> Recording | Estimates:
         found = tree.flatten(layout.to_tree(window))
         assert tree.digest(tree.tokens(found)) == tree.digest(tree.tokens(whole))
     return record
+
+
+def _scores_h5(paths: list[Path]) -> Any:
+    _tried(lambda: formats.stamp(paths[0]))
+    return score_files.read(paths[0])
 
 
 def _tried(read: Callable[[], object]) -> None:
@@ -265,9 +272,7 @@ def _whole(data: bytes, name: str) -> Callable[[], tuple[Files, ...]]:
 TARGETS: dict[str, Target] = {
     "h5": Target(lambda: corpus.binary("h5"), _record, "h5", digest),
     "mcap": Target(lambda: corpus.binary("mcap"), _record, "mcap", digest),
-    "scores-h5": Target(
-        lambda: corpus.scores("h5"), lambda paths: score_files.read(paths[0]), "h5", _table
-    ),
+    "scores-h5": Target(lambda: corpus.scores("h5"), _scores_h5, "h5", _table),
     "scores-csv": Target(
         lambda: corpus.scores("csv"),
         lambda paths: score_files.read(paths[0]),
