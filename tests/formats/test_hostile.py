@@ -24,6 +24,7 @@ from mcap.writer import CompressionType, Writer
 
 from echoset import formats
 from echoset.formats import autoferry, labyrinth, plain_yaml, scores, weights
+from echoset.formats import tree as trees
 from echoset.formats.mcap_reader import HEADER
 from echoset.models.errors import FormatError, ParameterError
 
@@ -58,6 +59,19 @@ def refused(path, *words, read=formats.read, error=FormatError):
     assert all(word in text for word in words), text
 
 
+def resealed(path, edit, **tokens):
+    """The file after ``edit``, with other ``tokens`` (None: without) and digests that fit."""
+    with h5py.File(path, "r+") as file:
+        edit(file)
+        found = json.loads(file["tokens"][()]) | tokens
+        found = {name: text for name, text in found.items() if text is not None}
+        del file["tokens"]
+        file["tokens"] = np.bytes_(json.dumps(found).encode())
+        for name, value in (("content", trees.digest(found)), ("observed", "")):
+            file.attrs[f"{name}_digest"] = np.bytes_(value.encode())
+    return path
+
+
 @pytest.fixture
 def h5(recording, tmp_path):
     """A sound file to be changed."""
@@ -69,6 +83,48 @@ def edited(path, edit):
     with h5py.File(path, "r+") as file:
         edit(file)
     return path
+
+
+@pytest.mark.parametrize(
+    ("edit", "tokens", "words"),
+    [
+        (lambda f: f.attrs.__delitem__("kind"), {"kind": None}, ("/:", "kind")),
+        (lambda f: f.attrs.__setitem__("kind", np.bytes_(b"x")), {}, ("kind: ", "digest")),
+        (lambda f: f.attrs.__delitem__("name"), {}, ("name: ", "digest")),
+        (lambda f: None, {"provenance": 'str:"{}"'}, ("provenance: ", "digest")),
+    ],
+    ids=["none", "other", "nameless", "provenance"],
+)
+def test_headers_of_h5_that_do_not_fit(estimates, tmp_path, edit, tokens, words):
+    formats.write(estimates, tmp_path / "a.h5", "h5")
+    refused(resealed(tmp_path / "a.h5", edit, **tokens), *words, read=formats.stamp)
+
+
+def test_headers_of_h5_of_deep_json_or_cut(estimates, tmp_path):
+    def put(name, data):
+        def edit(file):
+            del file[name]
+            file[name] = np.bytes_(data)
+
+        return edit
+
+    path, deep = tmp_path / "a.h5", b"[" * 100_000
+    for name, data in (("tokens", deep), ("tokens", b"[]"), ("tokens", b"3")):
+        formats.write(estimates, path, "h5")
+        refused(edited(path, put(name, data)), "/: ", read=formats.stamp)
+    formats.write(estimates, path, "h5")
+    text = {"provenance": trees.token(deep.decode())}
+    refused(resealed(path, put("provenance", deep), **text), "provenance", read=formats.stamp)
+    formats.write(estimates, path, "h5")
+    path.write_bytes(path.read_bytes()[:-9])
+    refused(path, "superblock", read=formats.stamp)
+
+
+def test_headers_of_h5_hold_nothing_else(estimates, tmp_path):
+    formats.write(estimates, tmp_path / "a.h5", "h5")
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        file.attrs["seed"] = 7
+    assert "seed" not in formats.stamp(tmp_path / "a.h5")
 
 
 def test_h5_that_declares_more_than_it_has(h5):
