@@ -29,7 +29,10 @@ _INDICES: dict[int, Any] = {
     Opcode.METADATA_INDEX: (MetadataIndex, TRAILER, Metadata, lambda m: m.metadata),
 }
 """How to read each kind of index, the name to look for, and the value of what it points to."""
-_ERRORS = (OSError, McapError, struct.error, ValueError, LookupError, TypeError, RecursionError)
+_ERRORS = (
+    OSError, McapError, struct.error, ArithmeticError, AttributeError, ValueError, LookupError,
+    TypeError, RecursionError,
+)  # fmt: skip
 
 
 def stamp(source: Path, path: object) -> dict[str, Any]:

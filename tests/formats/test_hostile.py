@@ -12,6 +12,7 @@ import resource
 import struct
 import zipfile
 import zlib
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -118,6 +119,18 @@ def test_headers_of_h5_of_deep_json_or_cut(estimates, tmp_path):
     formats.write(estimates, path, "h5")
     path.write_bytes(path.read_bytes()[:-9])
     refused(path, "superblock", read=formats.stamp)
+
+
+def test_headers_of_mcap_with_huge_lengths(estimates, tmp_path):
+    """Every place of the attachment that holds them, one after the other."""
+    path = tmp_path / "a.mcap"
+    formats.write(estimates, path, "mcap")
+    whole = path.read_bytes()
+    start = whole.index(HEADER.encode()) - 40
+    for at in range(start, start + 120, 2):
+        path.write_bytes(whole[:at] + b"\xff" * 8 + whole[at + 8 :])
+        with suppress(FormatError):
+            formats.stamp(path)
 
 
 def test_headers_of_h5_hold_nothing_else(estimates, tmp_path):

@@ -19,12 +19,16 @@ Change = Callable[[bytes, Rng], bytes]
 
 
 def change(data: bytes, kind: str, rng: Rng) -> bytes:
-    """``data`` changed in one to three ways, first those that need it to be sound."""
+    """``data`` changed in one to three ways; of a binary file one through its library, first."""
     changes = [*KINDS[kind], *BYTES]
     weights = np.array([2.0] * len(KINDS[kind]) + [1.0] * len(BYTES))
     number = int(rng.choice((1, 1, 1, 2, 3)))
-    for chosen in np.sort(rng.choice(len(changes), number, p=weights / weights.sum())):
-        data = changes[chosen](data, rng)
+    chosen = np.sort(rng.choice(len(changes), number, p=weights / weights.sum()))
+    through = chosen < len(KINDS[kind])
+    if kind != "text" and through.sum() > 1:
+        chosen = np.concatenate((chosen[through][:1], chosen[~through]))
+    for k in chosen:
+        data = changes[k](data, rng)
     return data
 
 
