@@ -156,9 +156,8 @@ def cell(
     return f"{value:.{digits}f} ± {stderr:.{digits}f}" if np.isfinite(value) else "-"
 
 
-def tables(scores: Scores, runs: int, seed: int) -> Iterator[str]:
-    """The page, line by line."""
-    p = pool(scores)
+def tables(p: Scores, runs: int, seed: int) -> Iterator[str]:
+    """The page of the pooled scores ``p``, line by line."""
     columns = p.estimator, p.metric, p.part, p.time.tolist(), p.value.tolist(), p.stderr.tolist()
     pooled = {(e, m, q): (v, s) for e, m, q, t, v, s in zip(*columns, strict=True) if np.isnan(t)}
     yield f"# Base stations that sense: {runs} runs of {SCENARIO}, seed {seed}\n"
@@ -200,9 +199,8 @@ def tables(scores: Scores, runs: int, seed: int) -> Iterator[str]:
     yield "| | " + " | ".join(cells) + " |"
 
 
-def over_time(scores: Scores, path: Path) -> None:
-    """Figure 4 as data: normalised OSPA scan by scan, mean over runs."""
-    p = pool(scores)
+def over_time(p: Scores, path: Path) -> None:
+    """Figure 4 as data: normalised OSPA scan by scan, of the pooled scores ``p``."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(("estimator", "time", "ospa_normalised", "stderr", "runs"))
@@ -229,10 +227,10 @@ def main() -> None:
     work = partial(one, seed=given.seed, numbers=numbers, parts=parts, folder=folder)
     with ProcessPoolExecutor(given.jobs) as executor:
         list(executor.map(work, range(given.runs)))
-    scores = concatenate([archive.read(path) for path in sorted(folder.iterdir())])
-    text = "\n".join(tables(scores, given.runs, given.seed)) + "\n"
+    pooled = pool(concatenate([archive.read(path) for path in sorted(folder.iterdir())]))
+    text = "\n".join(tables(pooled, given.runs, given.seed)) + "\n"
     (given.output / "jsc.md").write_text(text)
-    over_time(scores, given.output / "jsc-time.csv")
+    over_time(pooled, given.output / "jsc-time.csv")
     print(text)
     print(f"{time.perf_counter() - start:.0f} s on {given.jobs} processes")
 

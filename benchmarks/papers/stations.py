@@ -43,11 +43,11 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
     made = next(p.arguments[2] for p, _ in results if p.make is jsc.scores_of)
     left = [f"`{part}`" for part in PARTS if part not in made]
     without = f" Left out with so few runs: {', '.join(left)}." if left else ""
-    scores = concatenate(simulated)
-    jsc.over_time(scores, folder / f"{NAME}-time.csv")
-    _draw_stations(scores, folder / f"{NAME}-3.svg")
-    _draw_time(scores, folder / f"{NAME}-4.svg")
-    _, _, tables = "\n".join(jsc.tables(scores, len(simulated), SEED)).partition("\n\n")
+    pooled = pool(concatenate(simulated))
+    jsc.over_time(pooled, folder / f"{NAME}-time.csv")
+    _draw_stations(pooled, folder / f"{NAME}-3.svg")
+    _draw_time(pooled, folder / f"{NAME}-4.svg")
+    _, _, tables = "\n".join(jsc.tables(pooled, len(simulated), SEED)).partition("\n\n")
     lines = "\n".join([autoferry.HEADER, *found]) if found else "They were not there."
     caption = autoferry.CAPTION.format(block=autoferry.BLOCK) if found else ""
     page.write(
@@ -66,9 +66,8 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
     )
 
 
-def _draw_stations(scores: Scores, path: Path) -> None:
+def _draw_stations(p: Scores, path: Path) -> None:
     """Normalised OSPA and accuracy of both filters by number of stations, presets side by side."""
-    p = pool(scores)
     whole = zip(p.estimator, p.metric, p.part, p.time.tolist(), strict=True)
     at = {(e, m): i for i, (e, m, part, t) in enumerate(whole) if not part and np.isnan(t)}
     with style.style():
@@ -91,16 +90,15 @@ def _draw_stations(scores: Scores, path: Path) -> None:
     page.save(figure, path)
 
 
-def _draw_time(scores: Scores, path: Path) -> None:
+def _draw_time(p: Scores, path: Path) -> None:
     """Normalised OSPA of both filters over time, a line for each gate."""
-    p = pool(scores)
     with style.style():
         figure = Figure(figsize=(18 * style.CM, 9 * style.CM), layout="constrained")
         axes = figure.subplots(2, 1, sharex=True, sharey=True)
+        whole = [*zip(p.estimator, p.metric, p.part, np.isfinite(p.time), strict=True)]
         for a, name in zip(axes, FILTERS, strict=True):
             for i, gate in enumerate(GATES):
                 condition = Condition(name, jsc.PRESET, gate, jsc.OVER_TIME[0]).name
-                whole = zip(p.estimator, p.metric, p.part, np.isfinite(p.time), strict=True)
                 wanted = (condition, "ospa-normalised", "", True)
                 rows = [k for k, cell in enumerate(whole) if cell == wanted]
                 line = style.line(i) | {"marker": ""}
@@ -139,7 +137,7 @@ As numbers: [stations-time.csv](stations-time.csv).
 ## What is not here
 
 Figures 1 and 2 are sketches of the network and of the chain; table I, the mean radar cross
-sections, is an input: `echoset describe scenario jsc-6bs` prints it."""
+sections, is an input: `echoset describe jsc-6bs` prints it."""
 MEASURED = """\
 ## Measured
 
