@@ -24,8 +24,9 @@ from typing import Any
 
 from calibration import fastest, kernel
 
-from echoset.cli import batch, estimation, outputs
-from echoset.cli.campaign import Campaign
+from echoset.campaign import batch, outputs
+from echoset.campaign import estimate as estimation
+from echoset.campaign.execution import Execution
 from echoset.cli.main import main as echoset
 
 LIMIT_MS = 5.0
@@ -206,11 +207,11 @@ def cluster(folder: Path) -> Iterator[str | None]:
 def dispatch(folder: Path, number: int) -> float:
     """Print what it costs to have one task done by someone; seconds by the most distant."""
     tasks = [Nothing(str(k)) for k in range(number)]
-    calls: list[tuple[str, Campaign]] = [("here", Campaign()), ("processes", Campaign(jobs=2))]
+    calls: list[tuple[str, Execution]] = [("here", Execution()), ("processes", Execution(jobs=2))]
     print(f"\nDispatch: {number} tasks that do nothing, ms each, and s until the first is done")
     with cluster(folder) as file:
         if file is not None:
-            calls.append(("cluster", Campaign(cluster=file)))
+            calls.append(("cluster", Execution(cluster=file)))
         for name, campaign in calls:
             start = time.perf_counter()
             with closing(batch._workers(campaign, number)) as workers:

@@ -16,10 +16,10 @@ import time
 import numpy as np
 from calibration import fastest, kernel
 
-from echoset.estimators import di_gsncp
-from echoset.estimators.gsncp_chain import put, run
-from echoset.estimators.kernels import gsncp
-from echoset.estimators.kernels.gsncp import Births
+from echoset.estimators.gsncp import di_gsncp
+from echoset.estimators.gsncp.chain import put, run
+from echoset.estimators.gsncp.kernels import posterior as gsncp
+from echoset.estimators.gsncp.kernels.posterior import Births
 from echoset.models.parameters import resolve, sensor_model
 from echoset.models.random import generator
 from echoset.models.records import Recording

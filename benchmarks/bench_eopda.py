@@ -14,10 +14,10 @@ import numpy as np
 from calibration import fastest, kernel
 from scene import simulated
 
-from echoset.estimators.device_filter import DeviceFilter
-from echoset.estimators.kernels import bias_proposal, link_likelihood
-from echoset.estimators.kernels.compiled import bias_proposal as fast_bias_proposal
-from echoset.estimators.kernels.compiled import link_likelihood as fast_link_likelihood
+from echoset.estimators.eopda.filter import DeviceFilter
+from echoset.estimators.eopda.kernels import bias_proposal, link_likelihood
+from echoset.estimators.eopda.kernels.compiled import bias_proposal as fast_bias_proposal
+from echoset.estimators.eopda.kernels.compiled import link_likelihood as fast_link_likelihood
 from echoset.models.parameters import resolve
 from echoset.models.random import generator
 from echoset.models.records import Recording

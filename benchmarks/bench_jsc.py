@@ -20,9 +20,10 @@ import numpy as np
 from calibration import fastest, kernel
 from sklearn.cluster import DBSCAN
 
-from echoset.estimators import front, mbm, phd
-from echoset.estimators.kernels import fusion, pixels
-from echoset.estimators.kernels.compiled import pixels as compiled
+from echoset.estimators.maps import detector as front
+from echoset.estimators.maps.kernels import fusion, pixels
+from echoset.estimators.maps.kernels.compiled import pixels as compiled
+from echoset.estimators.points import mbm, phd
 from echoset.formats import weights
 from echoset.models.parameters import resolve, sensor_model
 from echoset.models.random import generator

@@ -17,10 +17,10 @@ import numpy as np
 from bench_phd import SCANS, SIDE, recording
 from calibration import fastest, kernel
 
-from echoset.estimators import mbm
-from echoset.estimators.kernels import bernoulli, murty
-from echoset.estimators.kernels.compiled import bernoulli as compiled_bernoulli
-from echoset.estimators.kernels.compiled import murty as compiled
+from echoset.estimators.points import mbm
+from echoset.estimators.points.kernels import bernoulli, murty
+from echoset.estimators.points.kernels.compiled import bernoulli as compiled_bernoulli
+from echoset.estimators.points.kernels.compiled import murty as compiled
 from echoset.models.random import generator
 from echoset.models.records import Recording
 from echoset.simulate import meeting

@@ -9,7 +9,7 @@ from __future__ import annotations
 from calibration import fastest, kernel
 from scene import simulated
 
-from echoset.metrics import pcrlb, pcrlb_star
+from echoset.metrics.bounds import pcrlb, pcrlb_star
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 from calibration import fastest, kernel
 
-from echoset.estimators import phd
+from echoset.estimators.points import phd
 from echoset.models.random import generator
 from echoset.models.records import Meta, Recording, Sensor, Stream
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from echoset.cli.scenarios import find
+from echoset.campaign.scenarios import find
 from echoset.models.parameters import resolve
 from echoset.models.random import generator
 from echoset.models.records import Recording

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
+from ..campaign.outputs import say
 from . import options
-from .outputs import say
 
 SHELLS = ("bash", "zsh", "fish")
 

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from . import log, options
-from .campaign import Campaign
-from .outputs import DASH, Policy, Target, plan, scores_format
+from ..campaign import log
+from ..campaign.execution import Execution
+from ..campaign.outputs import DASH, Policy, Target, plan, scores_format
+from . import options
 
 if TYPE_CHECKING:
+    from ..campaign.resume import Decision
     from ..models.records import Estimates, Recording, Scores
-    from .resume import Decision
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +32,9 @@ class Import:
 
     def read(self) -> Recording:
         """The recording."""
+        from ..campaign.layers import layers
         from ..models.parameters import resolve
         from ..models.registry import load
-        from .config import layers
 
         module = load("echoset.importers", self.name)
         first = (("--mapping", {"mapping": self.mapping}),) if self.mapping else ()
@@ -58,8 +59,8 @@ class Task:
 
 def convert(task: Task) -> bool:
     """Read a file and write the same content in another format; whether only part could be had."""
+    from ..campaign.inputs import is_scores, read, read_scores, spooled
     from ..models.errors import FormatError
-    from .inputs import is_scores, read, read_scores, spooled
 
     if task.foreign is not None:
         _write(task.foreign.read(), task.target)
@@ -84,9 +85,9 @@ def convert(task: Task) -> bool:
 def _recovered(path: Path, task: Task) -> bool:
     """Write what can be had of a damaged file; whether that is not all."""
     from .. import formats
+    from ..campaign.inputs import label
     from ..models.errors import FormatError
     from ..models.records import Recording
-    from .inputs import label
 
     try:
         with closing(formats.open_parts(path)) as parts:
@@ -123,9 +124,9 @@ def _recovered(path: Path, task: Task) -> bool:
 def _passed_on(path: Path, task: Task) -> bool:
     """Whether the record could be written window by window as it was read: not what it carries."""
     from .. import formats
+    from ..campaign.inputs import label
+    from ..campaign.progress import share
     from ..models.records import Recording
-    from .inputs import label
-    from .progress import share
 
     with closing(formats.open_parts(path, label(task.label))) as parts:
         if parts.carries:
@@ -146,9 +147,9 @@ def _passed_on(path: Path, task: Task) -> bool:
 
 def decide(task: Task) -> Decision:
     """Whether the file has to be written: not if its content is the same already."""
+    from ..campaign import resume
     from ..formats import stamp
     from ..models.errors import FormatError
-    from . import resume
 
     if task.foreign is not None or task.label == DASH:
         return resume.decide(replace(task.target, resume=False), dict)
@@ -217,7 +218,7 @@ def command(
     config: str | None,
     settings: tuple[str, ...],
     policy: Policy,
-    campaign: Campaign,
+    execution: Execution,
 ) -> None:
     """Write IN in another format, or import it.
 
@@ -232,16 +233,16 @@ def command(
     echoset convert recording.h5 -o recording.mcap
     echoset convert --from csv log.csv --mapping log.yaml -o recording.h5
     """
+    from ..campaign import batch, exits
+    from ..campaign.inputs import SCORES
     from ..models.errors import ParameterError
-    from . import batch, exits
-    from .inputs import SCORES
 
     if importer and recover:
         raise ParameterError("--recover is for our own files, not for --from")
     if importer:
-        inputs, known = campaign.places(inputs), (mapping, config, settings)
+        inputs, known = execution.places(inputs), (mapping, config, settings)
         target = plan(output, [PurePath(inputs[0]).stem], form, policy)[0]
-        tasks = [Task(inputs[0], campaign.target(target), Import(importer, inputs, *known))]
+        tasks = [Task(inputs[0], execution.target(target), Import(importer, inputs, *known))]
     elif mapping or config or settings:
         raise ParameterError("--mapping, --config and --set are for imports: name one by --from")
     else:
@@ -249,9 +250,9 @@ def command(
             targets = [policy.target(Path(output), scores_format(output), late=False)]
         else:
             stems = [PurePath(source).stem for source in inputs]
-            targets = plan(output, stems, form, policy, late=campaign.keep_going)
-        pairs = zip(campaign.places(inputs), map(campaign.target, targets), strict=True)
+            targets = plan(output, stems, form, policy, late=execution.keep_going)
+        pairs = zip(execution.places(inputs), map(execution.target, targets), strict=True)
         alone = len(inputs) == 1
         tasks = [Task(source, target, None, alone, recover) for source, target in pairs]
-    done = batch.run(convert, tasks, campaign, decide, policy.dry_run)
+    done = batch.run(convert, tasks, execution, decide, policy.dry_run)
     exits.end(exits.worst([done.exit_code] if done.exit_code else [], any(done.results)))

@@ -12,10 +12,10 @@ from typing import Any
 
 import click
 
+from ..campaign.outputs import say
 from ..models.errors import ParameterError
 from ..models.parameters import REQUIRED, suggestion
 from . import options
-from .outputs import say
 
 GROUPS = ("echoset.scenarios", "echoset.estimators", "echoset.metrics", "echoset.importers")
 
@@ -50,7 +50,7 @@ def describe(group: str, name: str) -> Iterator[str]:
     for preset, values in getattr(module, "PRESETS", {}).items():
         yield f"# --preset {preset}: {dump(values)}"
     if group == "echoset.scenarios":
-        from .scenarios import find
+        from ..campaign.scenarios import find
 
         values = {key: value for _, layer in find(name).layers for key, value in layer.items()}
         yield f"scenario: {name}"

@@ -8,9 +8,9 @@ from typing import Any
 
 import click
 
+from ..campaign.execution import Execution
+from ..campaign.outputs import DASH, Policy, Target, plan, scores_format, single
 from . import options
-from .campaign import Campaign
-from .outputs import DASH, Policy, Target, plan, scores_format, single
 
 
 @click.command("estimate")
@@ -58,7 +58,7 @@ def command(
     timing: str | None,
     deps: str | None,
     policy: Policy,
-    campaign: Campaign,
+    execution: Execution,
 ) -> None:
     """Run an estimator over the recordings IN.
 
@@ -69,14 +69,14 @@ def command(
     echoset estimate -e eopda-geo recordings/*.h5 -o estimates/ -j 2
     echoset simulate uwb-olos -o - | echoset estimate -e eopda-geo - -o estimates.h5
     """
+    from ..campaign import batch, exits, makefile
+    from ..campaign import layers as configuration
+    from ..campaign import timing as timings
+    from ..campaign.estimate import GROUP, Task, decide, estimate
     from ..formats import scores
     from ..models.errors import InputError, ParameterError
     from ..models.parameters import resolve
     from ..models.registry import load
-    from . import batch, exits, makefile
-    from . import config as configuration
-    from . import timing as timings
-    from .estimation import GROUP, Task, decide, estimate
 
     if DASH in inputs and len(inputs) > 1:
         raise ParameterError("stdin holds one recording: '-' is to be the only input")
@@ -86,16 +86,16 @@ def command(
         resolve(module.Params, *user)
     stems = ["stdin" if source == DASH else PurePath(source).stem for source in inputs]
     names = [f"{stem}.{estimator}" for stem in stems]
-    targets = plan(output, names, form, policy, late=campaign.keep_going)
+    targets = plan(output, names, form, policy, late=execution.keep_going)
     tasks = [
         Task(source, target, estimator, user, not ignore_sensor_model, seed, len(inputs) == 1)
         for source, target in zip(
-            campaign.places(inputs), map(campaign.target, targets), strict=True
+            execution.places(inputs), map(execution.target, targets), strict=True
         )
     ]
     makefile.check(deps, targets, inputs)
     sink = _sink(timing, policy) if timing else None
-    done = batch.run(estimate, tasks, campaign, decide, policy.dry_run)
+    done = batch.run(estimate, tasks, execution, decide, policy.dry_run)
     if sink and done.results:
         with sink.open() as target:
             scores.write(timings.scores(done.results), target, sink.format)

@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
+from ..campaign.outputs import say
 from . import options
-from .outputs import say
 
 
 @click.command("info")
@@ -30,7 +30,7 @@ def command(files: tuple[str, ...], as_json: bool) -> None:
 def _inspect(file: str) -> dict[str, Any]:
     """Header and shapes by path; of scores, the names in them."""
     from .. import formats
-    from .inputs import SCORES, read_scores
+    from ..campaign.inputs import SCORES, read_scores
 
     if PurePath(file).suffix not in SCORES:
         found = formats.inspect(Path(file))

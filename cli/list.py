@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
+from ..campaign.outputs import say
 from . import options
-from .outputs import say
 
 KINDS = ("estimators", "scenarios", "metrics", "formats", "importers", "policies", "plots")
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 
 import click
 
 from .. import __version__
+from ..campaign import exits, log
 from ..models.parameters import suggestion
-from . import exits, log
 from .options import logging_options
 
 COMMANDS = (
@@ -71,7 +72,7 @@ def main(args: Sequence[str] | None = None) -> int:
     for name in _THREADS:
         os.environ.setdefault(name, "1")
     words = list(sys.argv[1:] if args is None else args)
-    return exits.run(lambda: _run(words))
+    return run(lambda: _run(words))
 
 
 def _run(args: list[str]) -> None:
@@ -84,3 +85,27 @@ def _run(args: list[str]) -> None:
     color = False if os.environ.get("NO_COLOR") else None
     with commands.make_context("echoset", args, color=color) as context:
         commands.invoke(context)
+
+
+def run(function: Callable[[], object]) -> int:
+    """Call ``function``, tell its error in one line, and return the exit code."""
+    try:
+        with exits.signals():
+            function()
+            sys.stdout.flush()
+    except exits.Terminated as error:
+        return int(str(error.code))
+    except click.exceptions.Exit as error:
+        return error.exit_code
+    except click.ClickException as error:
+        log.error(error.format_message())
+        return 2
+    except BrokenPipeError:
+        exits.drop_stdout()
+        return 128 + signal.SIGPIPE
+    except exits.Ended as error:
+        return error.exit_code
+    except Exception as error:
+        log.error(exits.message(error), error)
+        return exits.exit_code(error)
+    return 0

@@ -10,9 +10,10 @@ import click
 from click.shell_completion import CompletionItem
 from click.types import StringParamType
 
-from . import log
-from .campaign import campaign
-from .outputs import Policy
+from ..campaign import log
+from ..campaign.execution import Execution
+from ..campaign.lock import locked
+from ..campaign.outputs import Policy
 
 F = TypeVar("F", bound=Callable[..., Any])
 _VERBOSITY, _FORM = "echoset.verbosity", "echoset.form"
@@ -67,6 +68,15 @@ logging_options: Callable[[F], F] = _chain(
         **_said,
     ),
 )
+
+
+def _execution(
+    jobs: int, cluster: str | None, keep_going: bool, summary: str | None, lock: str | None
+) -> Execution:
+    """What the options ask for; the lock is held until the command is over."""
+    if lock is not None:
+        click.get_current_context().with_resource(locked(lock))
+    return Execution(jobs, cluster, keep_going, summary)
 
 
 def output(text: str, default: str | None = None) -> Callable[[F], F]:
@@ -149,7 +159,7 @@ batch: Callable[[F], F] = _chain(
         metavar="FILE",
         help="End with exit code 75 if another command holds the lock FILE.",
     ),
-    _gathered("campaign", campaign, "jobs", "cluster", "keep_going", "summary", "lock"),
+    _gathered("execution", _execution, "jobs", "cluster", "keep_going", "summary", "lock"),
 )
 
 deps: Callable[[F], F] = click.option(
@@ -168,7 +178,7 @@ def inputs(name: str, metavar: str) -> Callable[[F], F]:
 
 
 def _listed(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
-    from .inputs import listed
+    from ..campaign.inputs import listed
 
     return tuple(path for word in value for path in listed(word))
 

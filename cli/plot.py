@@ -6,9 +6,9 @@ from pathlib import PurePath
 
 import click
 
+from ..campaign.outputs import DASH, single
 from ..models.errors import ParameterError
 from . import options
-from .outputs import DASH, single
 
 GROUP = "echoset.plots"
 
@@ -50,8 +50,8 @@ def command(
     echoset plot scene rec.h5 est.h5 -o scene.svg
     echoset plot rmse scores.csv rec.h5 -o rmse.pdf --size 8.8x7
     """
+    from ..campaign.pictures import describe, gather
     from ..report import plots
-    from .pictures import describe, gather
 
     suffix = PurePath(output).suffix
     if output == DASH or suffix not in plots.FORMATS:

@@ -6,8 +6,8 @@ from pathlib import PurePath
 
 import click
 
+from ..campaign.outputs import DASH, single
 from . import options
-from .outputs import DASH, single
 
 _SUFFIXES = {".md": "md", ".csv": "csv", ".tex": "latex", ".html": "html", ".json": "json"}
 
@@ -43,11 +43,11 @@ def command(
     echoset report scores.csv --by estimator,part --format latex -o -
     echoset report scores.csv -o report.html
     """
-    from ..metrics.table import concatenate
+    from ..campaign.inputs import read_scores
+    from ..campaign.pictures import pooled, portraits
+    from ..metrics.kit.table import concatenate
     from ..report import gaps, page, render, tables
     from ..report.plots import Inputs
-    from .inputs import read_scores
-    from .pictures import pooled, portraits
 
     form = form or _SUFFIXES.get(PurePath(output).suffix, "md")
     target = single(output, form, overwrite)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
+from ..campaign.execution import Execution
+from ..campaign.outputs import DASH, scores_format, single
 from . import options
-from .campaign import Campaign
-from .outputs import DASH, scores_format, single
 
 
 @click.command("score")
@@ -57,7 +57,7 @@ def command(
     output: str,
     overwrite: bool,
     deps: str | None,
-    campaign: Campaign,
+    execution: Execution,
 ) -> None:
     """Measure the estimates EST against the truth.
 
@@ -68,17 +68,17 @@ def command(
     echoset score estimates/*.h5 --truth recordings/ --pool -o scores.csv
     echoset score est.h5 --truth rec.h5 -m rmse,nees --set rmse.skip=10 -o -
     """
+    from ..campaign import batch, exits, log, makefile
+    from ..campaign import layers as configuration
+    from ..campaign import truth as recordings
+    from ..campaign.score import Task, layers, score
     from ..formats import scores as files
     from ..metrics import pooling
     from ..metrics import segments as spans
-    from ..metrics.table import concatenate
+    from ..metrics.gate import Gate
+    from ..metrics.kit.table import concatenate
+    from ..metrics.running import GROUP
     from ..models import registry
-    from . import batch, exits, log, makefile
-    from . import config as configuration
-    from . import truth as recordings
-    from .gate import Gate
-    from .running import GROUP
-    from .scoring import Task, layers, score
 
     target = single(output, scores_format(output), overwrite)
     limits = [Gate.parse(text) for text in gates]
@@ -86,10 +86,10 @@ def command(
     names = [name.strip() for name in metrics.split(",")] if metrics else registry.names(GROUP)
     chosen = layers(names, configuration.layers(config, settings))
     makefile.check(deps, [target], estimates)
-    places = campaign.places(truth)
+    places = execution.places(truth)
     asked, alone = bool(metrics), len(estimates) == 1
-    tasks = [Task(s, places, chosen, asked, alone) for s in campaign.places(estimates)]
-    done = batch.run(score, tasks, campaign)
+    tasks = [Task(s, places, chosen, asked, alone) for s in execution.places(estimates)]
+    done = batch.run(score, tasks, execution)
     quadratic = {q for name in names for q in registry.load(GROUP, name).QUADRATIC}
     table = concatenate(done.results)
     if bounds:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..campaign.execution import Execution
+from ..campaign.outputs import DASH, Policy, Target, plan
 from . import options
-from .campaign import Campaign
-from .outputs import DASH, Policy, Target, plan
 
 if TYPE_CHECKING:
-    from .resume import Decision
+    from ..campaign.resume import Decision
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ def expected(task: Task) -> dict[str, Any]:
 
 def decide(task: Task) -> Decision:
     """Whether the recording has to be made."""
-    from . import resume
+    from ..campaign import resume
 
     return resume.decide(task.target, lambda: expected(task))
 
@@ -54,11 +54,11 @@ def _provenance(task: Task) -> dict[str, Any]:
 
 def simulate(task: Task) -> None:
     """Simulate one recording and write it."""
+    from ..campaign.progress import announce_compilation
+    from ..campaign.scenarios import GROUP
     from ..formats import write
     from ..models.random import generator
     from ..models.registry import load
-    from .progress import announce_compilation
-    from .scenarios import GROUP
 
     module = load(GROUP, task.scenario)
     announce_compilation()
@@ -104,7 +104,7 @@ def command(
     form: str | None,
     deps: str | None,
     policy: Policy,
-    campaign: Campaign,
+    execution: Execution,
 ) -> None:
     """Simulate recordings of SCENARIO.
 
@@ -115,11 +115,11 @@ def command(
     echoset simulate uwb-olos --runs 100 -o recordings/
     echoset simulate uwb-olos --set mean_clutter=10 -o cluttered.h5
     """
+    from ..campaign import batch, exits, makefile
+    from ..campaign.layers import layers
+    from ..campaign.scenarios import find
     from ..models.errors import ParameterError
     from ..models.parameters import resolve
-    from . import batch, exits, makefile
-    from .config import layers
-    from .scenarios import find
 
     if runs > 1 and output == DASH:
         raise ParameterError("--runs above 1 needs a folder: stdout takes one recording")
@@ -127,13 +127,13 @@ def command(
     parameters = resolve(found.module.Params, *found.layers, *layers(None, settings))
     numbers = range(first_run, first_run + runs)
     names = [f"{found.title}-s{seed}-{number:04d}" for number in numbers]
-    targets = plan(output, names, form, policy, late=campaign.keep_going)
+    targets = plan(output, names, form, policy, late=execution.keep_going)
     makefile.check(deps, targets, [scenario])
     tasks = [
-        Task(name, found.name, parameters, seed, number, campaign.target(target))
+        Task(name, found.name, parameters, seed, number, execution.target(target))
         for name, number, target in zip(names, numbers, targets, strict=True)
     ]
-    done = batch.run(simulate, tasks, campaign, decide, policy.dry_run)
+    done = batch.run(simulate, tasks, execution, decide, policy.dry_run)
     if not policy.dry_run:
         makefile.write(deps, ((targets[k], [found.file]) for k in done.finished))
     exits.end(done.exit_code)

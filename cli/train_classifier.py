@@ -35,16 +35,16 @@ def command(
     """
     from pathlib import Path
 
+    from ..campaign import progress
+    from ..campaign.layers import layers
+    from ..campaign.outputs import say
+    from ..campaign.scenarios import find
     from ..control import training
     from ..formats import weights as archive
     from ..formats.atomic import refuse_existing
     from ..models.errors import ParameterError
     from ..models.parameters import resolve
     from ..simulate import jsc
-    from . import progress
-    from .config import layers
-    from .outputs import say
-    from .scenarios import find
 
     path = Path(output)
     if path.suffix != ".npz":

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ..campaign.outputs import say
 from . import options
-from .outputs import say
 
 if TYPE_CHECKING:
     from ..models.records import Stream
@@ -36,8 +36,8 @@ def validate(task: Task) -> None:
     InputError : it is damaged or breaks its contract; with ``strict`` also where it is doubtful
     """
     from .. import formats
+    from ..campaign.inputs import is_scores, read_scores
     from ..models.errors import InputError
-    from .inputs import is_scores, read_scores
 
     if is_scores(task.label):
         kind, doubts = "scores", [] if read_scores(task.label).provenance else [_UNKNOWN]
@@ -57,8 +57,8 @@ _UNKNOWN = "provenance is empty"
 def _read(task: Task) -> tuple[str, list[str]]:
     """The kind of a record that is sound, and what the contract allows but is hardly meant."""
     from .. import formats
+    from ..campaign.progress import share
     from ..models.records import Recording
-    from .progress import share
 
     kinds, doubts = [], list[str]()
     for carried in (False, True):
@@ -116,8 +116,8 @@ def command(files: tuple[str, ...], strict: bool) -> None:
     topics and attachments that are not ours, and messages (also those for viewers) that are not
     byte for byte what the content gives.
     """
-    from . import batch, exits
-    from .campaign import Campaign
+    from ..campaign import batch, exits
+    from ..campaign.execution import Execution
 
     tasks = [Task(file, strict, len(files) == 1) for file in files]
-    exits.end(batch.run(validate, tasks, Campaign(keep_going=True)).exit_code)
+    exits.end(batch.run(validate, tasks, Execution(keep_going=True)).exit_code)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..models.records import Array
-from .campaign import Campaign, paired
+from .runs import Runs, paired
 
 Changes = dict[str, Any]
 NAIVE: Changes = {"policy": "naive"}
@@ -28,7 +28,7 @@ CONDITIONS: dict[str, Changes] = {
 """Parameters of the scenario in figures 2 and 3, 4 and 5, and 6."""
 
 
-def activity(campaigns: Mapping[str, Campaign], every: int) -> str:
+def activity(campaigns: Mapping[str, Runs], every: int) -> str:
     """Figures 2 and 4: true number and mean +- standard deviation, averaged over the runs."""
     first = next(iter(campaigns.values()))
     names = _regions(first)
@@ -52,7 +52,7 @@ def activity(campaigns: Mapping[str, Campaign], every: int) -> str:
     return _table(head, rows)
 
 
-def errors(campaigns: Mapping[str, Campaign], every: int) -> str:
+def errors(campaigns: Mapping[str, Runs], every: int) -> str:
     """Figures 3, 5 and 6: absolute error in the number of targets, with its standard error."""
     first = next(iter(campaigns.values()))
     names = _regions(first)
@@ -68,18 +68,18 @@ def errors(campaigns: Mapping[str, Campaign], every: int) -> str:
     return _table(head, [*rows, ["all", *whole]])
 
 
-def looks(campaigns: Mapping[str, Campaign]) -> str:
+def looks(campaigns: Mapping[str, Runs]) -> str:
     """Share of looks at each region, with its standard error over the runs."""
     first = next(iter(campaigns.values()))
     rows = [[key, *(_mean(share) for share in c.looks().T)] for key, c in campaigns.items()]
     return _table(["", *_regions(first)], rows)
 
 
-def _regions(campaign: Campaign) -> list[str]:
+def _regions(campaign: Runs) -> list[str]:
     return [f"B{b + 1}" for b in range(campaign.true.shape[2])]
 
 
-def _steps(campaign: Campaign, every: int) -> range:
+def _steps(campaign: Runs, every: int) -> range:
     return range(every - 1, campaign.true.shape[1], every)
 
 

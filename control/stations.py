@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ..estimators import mbm, phd
-from ..estimators.front import Chain, named
-from ..estimators.kernels.fusion import Pixels
+from ..estimators.maps.detector import Chain, named
+from ..estimators.maps.kernels.fusion import Pixels
+from ..estimators.points import mbm, phd
 from ..models.classifier import CLASSES
 from ..models.parameters import as_dict, resolve, sensor_model
 from ..models.records import Array, Estimates, Meta, Objects, Recording, Scan

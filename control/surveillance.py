@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..estimators import phd
+from ..estimators.points import phd
 from ..models.parameters import as_dict, parameter, require, resolve
 from ..models.records import Array, Meta, Recording, Stream, Truth
 from ..models.registry import load

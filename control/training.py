@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..estimators.kernels.cnn import probabilities, scaled
+from ..estimators.maps.kernels.cnn import probabilities, scaled
 from ..models.classifier import CLASSES, FILTERS, KERNEL, POOLED, Weights
 from ..models.errors import ParameterError
 from ..models.parameters import parameter, require

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..estimators.front import Station, fuse
-from ..estimators.kernels.cnn import windows
-from ..estimators.kernels.fusion import Pixels
+from ..estimators.maps.detector import Station, fuse
+from ..estimators.maps.kernels.cnn import windows
+from ..estimators.maps.kernels.fusion import Pixels
 from ..models.classifier import CELL
 from ..models.random import generator
 from ..models.records import Array, Recording

@@ -9,10 +9,10 @@ from typing import Any
 
 import click
 
+from echoset.campaign.scenarios import find
 from echoset.cli.describe import GROUPS
 from echoset.cli.list import KINDS
 from echoset.cli.main import commands
-from echoset.cli.scenarios import find
 from echoset.formats.plain_yaml import dump
 from echoset.models import registry
 from echoset.models.columns import COLUMNS

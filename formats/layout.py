@@ -12,15 +12,7 @@ import numpy as np
 from ..models.checks import NAME
 from ..models.columns import COLUMNS
 from ..models.errors import FormatError
-from ..models.records import (
-    Estimates,
-    Meta,
-    Objects,
-    Recording,
-    Sensor,
-    Stream,
-    Truth,
-)
+from ..models.records import Estimates, Meta, Objects, Recording, Sensor, Stream, Truth
 from . import tree as trees
 from .tree import Tree
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -12,18 +11,6 @@ from ..models.records import Array, Estimates, Objects, Recording, Truth
 
 WINDOW = 1024
 """Scans or steps that are read or written at once."""
-
-_PER_STEP = ("time_ns",)
-_PER_OBJECT = (
-    "label",
-    "state",
-    "covariance",
-    "existence",
-    "class_index",
-    "class_probability",
-    "semi_axes",
-    "rotation",
-)
 
 
 class Windows:
@@ -54,42 +41,13 @@ def concatenate(parts: Sequence[Estimates]) -> Estimates:
     if len(parts) == 1:
         return parts[0]
     steps = {k: np.concatenate([p.steps[k] for p in parts]) for k in parts[0].steps}
-    return replace(parts[0], objects=join([p.objects for p in parts]), steps=steps)
+    return replace(parts[0], objects=Objects.join([p.objects for p in parts]), steps=steps)
 
 
 def part(whole: Estimates, start: int, stop: int) -> Estimates:
     """The steps ``start:stop`` as a record of their own."""
     steps = {k: v[start:stop] for k, v in whole.steps.items()}
-    return replace(whole, objects=cut(whole.objects, start, stop), steps=steps)
-
-
-def join(parts: Sequence[Objects]) -> Objects:
-    """Objects of consecutive times as one record."""
-    if len(parts) == 1:
-        return parts[0]
-    first = parts[0]
-    offsets = [np.zeros(1, np.int64), *(np.diff(o.row_offset) for o in parts)]
-    columns: dict[str, Any] = {
-        name: None
-        if getattr(first, name) is None
-        else np.concatenate([getattr(o, name) for o in parts])
-        for name in (*_PER_STEP, *_PER_OBJECT)
-    }
-    return replace(first, row_offset=np.cumsum(np.concatenate(offsets)), **columns)
-
-
-def cut(o: Objects, start: int, stop: int) -> Objects:
-    """The objects of the times ``start:stop`` as a record of their own."""
-    rows = slice(o.row_offset[start], o.row_offset[stop])
-    columns: dict[str, Any] = {
-        name: None if getattr(o, name) is None else getattr(o, name)[rows] for name in _PER_OBJECT
-    }
-    return replace(
-        o,
-        time_ns=o.time_ns[start:stop],
-        row_offset=o.row_offset[start : stop + 1] - o.row_offset[start],
-        **columns,
-    )
+    return replace(whole, objects=whole.objects.part(start, stop), steps=steps)
 
 
 def windows(whole: Recording) -> Iterator[Recording]:
@@ -106,9 +64,8 @@ def windows(whole: Recording) -> Iterator[Recording]:
         window = replace(whole, streams=streams)
         if truth is not None:
             b = slice(*np.searchsorted(truth.blocked_time_ns, (first, last)))
-            objects = cut(
-                truth.objects, *np.searchsorted(truth.objects.time_ns, (first, last)).tolist()
-            )
+            inside = np.searchsorted(truth.objects.time_ns, (first, last)).tolist()
+            objects = truth.objects.part(*inside)
             links = (truth.blocked_time_ns, truth.blocked_tx, truth.blocked_rx)
             window = replace(window, truth=Truth(objects, *(column[b] for column in links)))
         yield window

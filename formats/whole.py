@@ -10,8 +10,8 @@ from typing import IO
 import numpy as np
 
 from ..models.errors import FormatError
-from ..models.records import Estimates, Meta, Recording, Stream, Truth
-from .steps import cut, join, part, spans, windows
+from ..models.records import Estimates, Meta, Objects, Recording, Stream, Truth
+from .steps import part, spans, windows
 
 
 class WholeParts:
@@ -40,7 +40,7 @@ class WholeParts:
             return
         empty = {name: s.part(0, 0) for name, s in record.streams.items()}
         self._record = record if scans else replace(record, streams=empty)
-        truth = None if record.truth is None else Truth(cut(record.truth.objects, 0, 0))
+        truth = None if record.truth is None else Truth(record.truth.objects.part(0, 0))
         self.head = replace(record, streams=empty, truth=truth)
 
     @property
@@ -83,7 +83,7 @@ class WholeWriter:
         if truths:
             links = ("blocked_time_ns", "blocked_tx", "blocked_rx")
             columns = (np.concatenate([getattr(t, name) for t in truths]) for name in links)
-            truth = Truth(join([t.objects for t in truths]), *columns)
+            truth = Truth(Objects.join([t.objects for t in truths]), *columns)
         self._write(Recording(meta, first.sensors, streams, truth), self._target)
 
     def abort(self) -> None:

@@ -18,11 +18,11 @@ import numpy as np
 from ..models.errors import InputError
 from ..models.parameters import parameter
 from ..models.records import Estimates, Objects, Recording, Scores
-from .assignment import assign
-from .measured import Measured, Names, scorer
-from .series import Distance, mean_stderr
-from .sets import align
-from .table import concatenate, rows
+from .kit.assignment import assign
+from .kit.measured import Measured, Names, scorer
+from .kit.series import Distance, mean_stderr
+from .kit.sets import align
+from .kit.table import concatenate, rows
 
 SUMMARY = "share of rightly classified objects, and the confusion matrix"
 PARTS = ()

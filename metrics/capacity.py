@@ -15,8 +15,8 @@ from ..models.errors import InputError
 from ..models.multibeam import BaseStation, capacity
 from ..models.parameters import parameter, resolve, sensor_model
 from ..models.records import Estimates, Recording, Scores
-from .measured import Measured, Names, scorer
-from .table import rows
+from .kit.measured import Measured, Names, scorer
+from .kit.table import rows
 
 SUMMARY = "downlink capacity of base stations, some of which also sense"
 PARTS = ()

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from ..models.records import Estimates, Recording, Scores
-from .measured import Measured, Names, scorer
-from .series import Steps, mean_stderr, parts
-from .sets import align
-from .table import concatenate, rows
+from .kit.measured import Measured, Names, scorer
+from .kit.series import Steps, mean_stderr, parts
+from .kit.sets import align
+from .kit.table import concatenate, rows
 
 SUMMARY = "number of objects, true and estimated, and its error"
 PARTS = ("true", "estimated", "error", "mean", "mean-error")

@@ -14,10 +14,10 @@ import numpy as np
 
 from ..models.parameters import parameter, require
 from ..models.records import Scores
-from .alignment import Window
-from .errors import check_parts, errors
-from .measured import Measured, Names, of_pairs, scorer
-from .table import concatenate, rows
+from .kit.alignment import Window
+from .kit.errors import check_parts, errors
+from .kit.measured import Measured, Names, of_pairs, scorer
+from .kit.table import concatenate, rows
 
 SUMMARY = "cumulative distribution of the position error over the steps"
 PARTS = ("device", "centre")

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 
 from ..models.records import Scores
-from .assignment import matched
-from .measured import Measured, Names, of_sets, scorer
-from .series import Distance, mean_stderr, parts
-from .sets import Sets
-from .table import concatenate, rows
+from .kit.assignment import matched
+from .kit.measured import Measured, Names, of_sets, scorer
+from .kit.series import Distance, mean_stderr, parts
+from .kit.sets import Sets
+from .kit.table import concatenate, rows
 
 SUMMARY = "GOSPA distance (alpha 2) between estimated and true positions, and its parts"
 PARTS = ("localisation", "missed", "false")

@@ -17,10 +17,10 @@ from scipy.special import gammaincinv
 from ..models.errors import InputError
 from ..models.parameters import parameter, require
 from ..models.records import Array, Estimates, Recording, Scores
-from .alignment import Pairs, Window
-from .errors import axes, check_parts, chosen, deviation
-from .measured import Measured, Names, of_pairs, scorer
-from .table import concatenate, rows
+from .kit.alignment import Pairs, Window
+from .kit.errors import axes, check_parts, chosen, deviation
+from .kit.measured import Measured, Names, of_pairs, scorer
+from .kit.table import concatenate, rows
 
 SUMMARY = "normalised estimation error squared of the position, and how often it is in its bounds"
 PARTS = ("device", "centre")

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from ..models.records import Scores
-from .assignment import matched
-from .measured import Measured, Names, of_sets, scorer
-from .series import Distance, parts
-from .sets import Sets
+from .kit.assignment import matched
+from .kit.measured import Measured, Names, of_sets, scorer
+from .kit.series import Distance, parts
+from .kit.sets import Sets
 
 SUMMARY = "OSPA distance between estimated and true positions, and its parts"
 PARTS = ("localisation", "cardinality")

@@ -18,10 +18,10 @@ import numpy as np
 
 from ..models.parameters import parameter, require
 from ..models.records import Estimates, Recording, Scores
-from .assignment import Near, assign
-from .measured import Measured, Names, scorer
-from .series import Distance, parts
-from .sets import align
+from .kit.assignment import Near, assign
+from .kit.measured import Measured, Names, scorer
+from .kit.series import Distance, parts
+from .kit.sets import align
 
 SUMMARY = "OSPA(2) distance between estimated and true tracks over a sliding window"
 PARTS = ("localisation", "cardinality")

@@ -20,10 +20,10 @@ from scipy.spatial.transform import Rotation
 
 from ..models.errors import InputError
 from ..models.records import Objects, Scores
-from .assignment import Near, assign
-from .measured import Measured, Names, of_sets, scorer
-from .series import Distance, parts
-from .sets import Sets
+from .kit.assignment import Near, assign
+from .kit.measured import Measured, Names, of_sets, scorer
+from .kit.series import Distance, parts
+from .kit.sets import Sets
 
 SUMMARY = "OSPA distance of extended objects, with the Gaussian-Wasserstein distance, and its parts"
 PARTS = ("localisation", "cardinality", "centre", "extent")

@@ -22,10 +22,10 @@ import numpy as np
 
 from ..models.parameters import parameter
 from ..models.records import Scores
-from .assignment import assign
-from .measured import Measured, Names, of_sets, scorer
-from .series import Distance, parts
-from .sets import Sets
+from .kit.assignment import assign
+from .kit.measured import Measured, Names, of_sets, scorer
+from .kit.series import Distance, parts
+from .kit.sets import Sets
 
 SUMMARY = "OSPA divided by the number of different objects, as in joint sensing papers"
 PARTS = ("localisation", "missed", "false")

@@ -20,8 +20,8 @@ import numpy as np
 from ..models.errors import InputError
 from ..models.names import scenario
 from ..models.records import Array, Scores
-from .bootstrap import recording_weights
-from .table import Key, concatenate, groups, rows
+from .kit.bootstrap import recording_weights
+from .kit.table import Key, concatenate, groups, rows
 
 QUADRATIC = ("rmse", "pcrlb", "pcrlb-star")
 RESAMPLES = 1000

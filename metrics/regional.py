@@ -18,10 +18,10 @@ from ..models.errors import InputError
 from ..models.parameters import parameter
 from ..models.records import Estimates, Recording, Scores
 from ..models.regions import contains, polygon, polygons, statistics
-from .measured import Measured, Names, scorer
-from .series import Steps, parts, series
-from .sets import align
-from .table import concatenate
+from .kit.measured import Measured, Names, scorer
+from .kit.series import Steps, parts, series
+from .kit.sets import align
+from .kit.table import concatenate
 
 SUMMARY = "number of targets in regions: error of its mean, and its standard deviation"
 PARTS = ()

@@ -14,11 +14,11 @@ import numpy as np
 
 from ..models.parameters import parameter, require
 from ..models.records import Scores
-from .alignment import Window
-from .bootstrap import block_stderr
-from .errors import PARTS, check_parts, errors
-from .measured import Measured, Names, of_pairs, scorer
-from .table import concatenate, rows
+from .kit.alignment import Window
+from .kit.bootstrap import block_stderr
+from .kit.errors import PARTS, check_parts, errors
+from .kit.measured import Measured, Names, of_pairs, scorer
+from .kit.table import concatenate, rows
 
 SUMMARY = "root mean square error of device, centre and extent, per step and over all"
 STREAMS = ()

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..models.errors import ParameterError
 from ..models.records import Scores
+from .kit.table import concatenate, groups, keys, rows
 from .pooling import QUADRATIC
-from .table import concatenate, groups, keys, rows
 
 
 def parse(text: str) -> tuple[tuple[float, float], ...]:

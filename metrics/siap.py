@@ -29,11 +29,11 @@ import numpy as np
 
 from ..models.parameters import parameter
 from ..models.records import Estimates, Recording, Scores
-from .assignment import assign
-from .measured import Measured, Names, scorer
-from .series import Pairing
-from .sets import align
-from .table import concatenate, rows
+from .kit.assignment import assign
+from .kit.measured import Measured, Names, scorer
+from .kit.series import Pairing
+from .kit.sets import align
+from .kit.table import concatenate, rows
 
 SUMMARY = "completeness, ambiguity, false objects and label changes, after SIAP"
 PARTS = ("object-<label>",)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from .records import Recording
 
 P = TypeVar("P")
+Layer = tuple[str, Mapping[str, Any]]
+"""Values of parameters and where they come from."""
 
 
 class _Required:
@@ -52,7 +54,7 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
-def resolve(cls: type[P], *layers: tuple[str, Mapping[str, Any]]) -> P:
+def resolve(cls: type[P], *layers: Layer) -> P:
     """Make ``cls`` from layers of (source, values), the later ones winning.
 
     Raises
@@ -82,7 +84,7 @@ def resolve(cls: type[P], *layers: tuple[str, Mapping[str, Any]]) -> P:
         raise ParameterError(f"{place}: {error}" if place else str(error)) from None
 
 
-def sensor_model(recording: Recording, cls: type[Any]) -> tuple[tuple[str, Mapping[str, Any]], ...]:
+def sensor_model(recording: Recording, cls: type[Any]) -> tuple[Layer, ...]:
     """Layers of the values that the recording's streams state for parameters of ``cls``."""
     fields = {f.name for f in dataclasses.fields(cls)}
     return tuple(

@@ -126,6 +126,19 @@ class Scan:
     rows: Mapping[str, Array]
 
 
+PER_OBJECT = (
+    "label",
+    "state",
+    "covariance",
+    "existence",
+    "class_index",
+    "class_probability",
+    "semi_axes",
+    "rotation",
+)
+"""The arrays of :class:`Objects` that have a row for each object at each time."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Objects:
     """A ragged set of extended objects over time: truth or estimates.
@@ -159,6 +172,35 @@ class Objects:
         if absent:
             raise KeyError(f"no state column {' '.join(absent)}")
         return self.state[:, [self.state_names.index(n) for n in names]]
+
+    def part(self, start: int, stop: int) -> Objects:
+        """The objects of the times ``start:stop`` as a record of their own."""
+        rows = slice(self.row_offset[start], self.row_offset[stop])
+        columns: dict[str, Any] = {
+            name: None if getattr(self, name) is None else getattr(self, name)[rows]
+            for name in PER_OBJECT
+        }
+        return replace(
+            self,
+            time_ns=self.time_ns[start:stop],
+            row_offset=self.row_offset[start : stop + 1] - self.row_offset[start],
+            **columns,
+        )
+
+    @staticmethod
+    def join(parts: Sequence[Objects]) -> Objects:
+        """Objects of consecutive times as one record; at least one part."""
+        if len(parts) == 1:
+            return parts[0]
+        first = parts[0]
+        offsets = [np.zeros(1, np.int64), *(np.diff(o.row_offset) for o in parts)]
+        columns: dict[str, Any] = {
+            name: None
+            if getattr(first, name) is None
+            else np.concatenate([getattr(o, name) for o in parts])
+            for name in ("time_ns", *PER_OBJECT)
+        }
+        return replace(first, row_offset=np.cumsum(np.concatenate(offsets)), **columns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,15 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from echoset.models.records import (
-    Estimates,
-    Meta,
-    Objects,
-    Recording,
-    Sensor,
-    Stream,
-    Truth,
-)
+from echoset.models.records import Estimates, Meta, Objects, Recording, Sensor, Stream, Truth
 
 SECOND = 10**9
 

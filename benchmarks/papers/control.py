@@ -6,17 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import control_table
 import numpy as np
 from matplotlib.figure import Figure
 
 from echoset.control import figures
-from echoset.control.campaign import Campaign, join, mean_over
+from echoset.control.runs import Runs, join, mean_over
 from echoset.models.records import Array
 from echoset.report.plots import style
 from echoset.report.plots.panels import legend
 
-from . import page
+from . import control_table, page
 from .pieces import Piece, chunks, share_of
 
 NAME = "control"
@@ -60,7 +59,7 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
     )
 
 
-def _draw(campaigns: Mapping[str, Campaign], path: Path) -> None:
+def _draw(campaigns: Mapping[str, Runs], path: Path) -> None:
     """Number of targets and its absolute error in each region at every other step."""
     steps = slice(None, None, 2)
     with style.style():
@@ -87,7 +86,7 @@ def _draw(campaigns: Mapping[str, Campaign], path: Path) -> None:
     page.save(figure, path)
 
 
-def findings(found: Mapping[str, Campaign]) -> Iterator[list[str]]:
+def findings(found: Mapping[str, Runs]) -> Iterator[list[str]]:
     """What the paper says of its figures, beside paired differences of the mean absolute error."""
 
     def less(a: str, b: str, where: Array, regions: list[int]) -> str:

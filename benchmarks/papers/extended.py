@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import gsncp_table as gsncp
-
+from echoset.metrics.kit.table import concatenate, rows
 from echoset.metrics.pooling import pool
-from echoset.metrics.table import concatenate, rows
 from echoset.report.plots.protocol import Inputs
 from echoset.simulate.radar_extended import Params
 
+from . import gsncp_table as gsncp
 from . import page
 from .pieces import Piece, share_of
 

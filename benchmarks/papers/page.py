@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from echoset.control.campaign import paired
+from echoset.control.runs import paired
 from echoset.formats.provenance import versions
 from echoset.report.plots import draw
 from echoset.report.plots.protocol import Inputs

@@ -71,7 +71,8 @@ def sources() -> str:
     scripts = Path(__file__).parents[1]
     found = [PACKAGE / name for name in SOURCES]
     files = [p for path in found for p in (path.rglob("*.*") if path.is_dir() else [path])]
-    files += [*scripts.glob("*_table.py"), *scripts.glob("marks_*.py"), scripts / "scene.py"]
+    files += [p for name in ("*_table.py", "marks_*.py") for p in scripts.glob(f"papers/{name}")]
+    files.append(scripts / "scene.py")
     for path in sorted(p for p in files if p.suffix in (".py", ".yaml", ".npz")):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()

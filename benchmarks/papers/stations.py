@@ -7,18 +7,18 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import autoferry_table as autoferry
-import jsc_table as jsc
 import numpy as np
 from matplotlib.figure import Figure
 
 from echoset.control.stations import FILTERS, GATES, Condition
+from echoset.metrics.kit.table import concatenate
 from echoset.metrics.pooling import pool
-from echoset.metrics.table import concatenate
 from echoset.models.records import Scores
 from echoset.report.plots import style
 from echoset.report.plots.panels import legend
 
+from . import autoferry_table as autoferry
+from . import jsc_table as jsc
 from . import page
 from .pieces import Piece, share_of
 

@@ -7,16 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import labyrinth_table
-import marks_eopda as marks
 import numpy as np
 
 from echoset.formats import scores as archive
+from echoset.metrics.kit.table import concatenate
 from echoset.metrics.pooling import pool
-from echoset.metrics.table import concatenate
 from echoset.report.plots.protocol import Inputs
 
-from . import page
+from . import labyrinth_table, page
+from . import marks_eopda as marks
 from .pieces import Piece, chunks, share_of
 
 NAME = "uwb"

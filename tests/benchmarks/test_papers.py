@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 
-import control_table
 import pytest
 from papers import __main__ as driver
-from papers import control, pieces
+from papers import control, control_table, pieces
 from papers.pieces import Piece, complete
 
 from echoset.control import figures

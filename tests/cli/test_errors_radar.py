@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from echoset import formats
-from echoset.formats import hdf5_reader, mcap_reader
+from echoset.formats.hdf5 import reader as hdf5_reader
+from echoset.formats.mcap import reader as mcap_reader
 from echoset.models.errors import FormatError
 from echoset.models.records import Meta, Recording, Sensor, Stream
 

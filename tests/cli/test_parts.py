@@ -6,9 +6,9 @@ import subprocess
 
 import pytest
 
-from echoset.cli.batch import _portable
-from echoset.cli.config import assignments
-from echoset.cli.exits import worst
+from echoset.campaign.batch import _portable
+from echoset.campaign.exits import worst
+from echoset.campaign.layers import assignments
 from echoset.formats.plain_yaml import dump, parse
 from echoset.models.errors import FormatError, ParameterError
 
@@ -69,7 +69,8 @@ def test_signal_in_a_finalizer_is_not_lost(command):
     """Where Python drops exceptions, the signal comes again; nothing is said of it."""
     code = """
 import os, signal, sys, time
-from echoset.cli import exits
+from echoset.campaign import exits
+from echoset.cli.main import run
 
 class Last:
     def __del__(self):
@@ -81,7 +82,7 @@ def work():
     Last()
     time.sleep(20)
 
-sys.exit(exits.run(work))
+sys.exit(run(work))
 """
     found = subprocess.run([command[0], "-c", code], capture_output=True, timeout=15)
     assert (found.returncode, found.stderr) == (143, b"")

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from echoset.cli.scenarios import find
+from echoset.campaign.scenarios import find
 from echoset.control import training
 from echoset.control.windows import join, scenes
-from echoset.estimators.front import SHIPPED
-from echoset.estimators.kernels.cnn import probabilities
+from echoset.estimators.maps.detector import SHIPPED
+from echoset.estimators.maps.kernels.cnn import probabilities
 from echoset.formats import weights
 from echoset.models.errors import ParameterError
 from echoset.models.parameters import resolve

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import echoset
-from echoset.cli.scenarios import find
+from echoset.campaign.scenarios import find
 from echoset.control import stations
 from echoset.control.stations import REPLACED, Condition
 from echoset.formats.steps import concatenate

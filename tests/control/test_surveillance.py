@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from echoset.control import surveillance
-from echoset.control.campaign import Campaign, campaign, join, mean_over, numbers, paired
-from echoset.estimators import phd
+from echoset.control.runs import Runs, campaign, join, mean_over, numbers, paired
+from echoset.estimators.points import phd
 from echoset.models.checks import check
 from echoset.models.errors import ParameterError
 from echoset.models.parameters import as_dict, resolve
@@ -152,7 +152,7 @@ def test_a_campaign_in_parts_is_the_campaign():
     params = surveillance.Params(**{**SHORT, "steps": 12})
     whole = campaign(params, range(2), seed=5)
     halves = join([campaign(params, [0], seed=5), campaign(params, [1], seed=5)])
-    for field in dataclasses.fields(Campaign):
+    for field in dataclasses.fields(Runs):
         assert np.array_equal(getattr(whole, field.name), getattr(halves, field.name))
     assert whole.looks().sum(1) == pytest.approx(1.0)
 

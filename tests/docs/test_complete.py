@@ -15,7 +15,8 @@ from mcap.reader import make_reader
 from echoset import formats
 from echoset.cli.describe import GROUPS
 from echoset.cli.main import commands
-from echoset.formats import layout, mapping, tree
+from echoset.formats import layout, tree
+from echoset.formats.importers.csv import mapping
 from echoset.models.classifier import SHAPES
 from echoset.models.columns import COLUMNS, REQUIRED
 from echoset.models.records import Estimates, Recording, Scores

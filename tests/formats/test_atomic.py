@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from echoset.formats.atomic import atomic
-from echoset.formats.steady import SteadyFile
+from echoset.formats.hdf5.steady import SteadyFile
 from echoset.models.errors import OutputError
 
 

@@ -24,9 +24,11 @@ import zstandard
 from mcap.writer import CompressionType, Writer
 
 from echoset import formats
-from echoset.formats import autoferry, labyrinth, plain_yaml, scores, weights
+from echoset.formats import plain_yaml, weights
+from echoset.formats import scores as scores
 from echoset.formats import tree as trees
-from echoset.formats.mcap_reader import HEADER
+from echoset.formats.importers import autoferry, labyrinth
+from echoset.formats.mcap.reader import HEADER
 from echoset.models.errors import FormatError, ParameterError
 
 ROOM = 1 << 30
@@ -199,7 +201,7 @@ def test_h5_text_without_end(h5):
 
 @pytest.mark.parametrize("kind", ["groups", "attributes", "datasets"])
 def test_h5_with_very_many_items(h5, kind, monkeypatch):
-    monkeypatch.setattr("echoset.formats.hdf5_reader._MAX_NODES", 1000)
+    monkeypatch.setattr("echoset.formats.hdf5.reader._MAX_NODES", 1000)
 
     def put(file):
         low = file.create_group("many")
@@ -418,14 +420,14 @@ def test_yaml_that_is_deep_or_more_than_data(tmp_path, text):
 
 
 def test_no_mcap_is_written_that_could_not_be_read(recording, tmp_path, monkeypatch):
-    monkeypatch.setattr("echoset.formats.mcap.MESSAGE", 1000)
+    monkeypatch.setattr("echoset.formats.mcap.writer.MESSAGE", 1000)
     with pytest.raises(ParameterError, match="sensors and models"):
         formats.write(recording, tmp_path / "a.mcap", "mcap")
     axes = {"range_axis": np.arange(60.0), "azimuth_axis": np.linspace(-1, 1, 60)}
     maps = replace(
         recording.streams["maps"], model=axes, scan={"map": np.zeros((10, 60, 60), np.float32)}
     )
-    monkeypatch.setattr("echoset.formats.mcap.MESSAGE", 14_000)
+    monkeypatch.setattr("echoset.formats.mcap.writer.MESSAGE", 14_000)
     with pytest.raises(ParameterError, match="write HDF5"):
         large = replace(recording, streams={"maps": maps}, truth=None)
         formats.write(large, tmp_path / "a.mcap", "mcap")

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from echoset import formats
-from echoset.formats import layout, mcap_parts, steps, tree
+from echoset.formats import layout, steps, tree
+from echoset.formats.mcap import parts as mcap_parts
 from echoset.models.errors import FormatError
-from echoset.models.records import Estimates
+from echoset.models.records import Estimates, Objects
 
 FORMATS = ("h5", "mcap")
 
@@ -69,7 +70,7 @@ def test_estimates_and_the_recording_that_they_carry(recording, estimates, tmp_p
         assert len(parts.head.objects.time_ns) == 0
         assert digest(steps.concatenate(list(parts))) == digest(estimates)
     with closing(formats.open_parts(path, carried=True, scans=False)) as parts:
-        truth = steps.join([w.truth.objects for w in parts])
+        truth = Objects.join([w.truth.objects for w in parts])
         assert all(len(s) == 0 for s in parts.head.streams.values())
         np.testing.assert_array_equal(truth.state, recording.truth.objects.state)
     formats.write(recording, path, format)
@@ -114,7 +115,7 @@ def test_index_that_does_not_fit_its_times(recording, tmp_path, monkeypatch):
     uwb = recording.streams["uwb"]
     back = replace(uwb, time_ns=uwb.time_ns[::-1].copy())
     monkeypatch.setattr(formats.files, "check", lambda record: None)
-    monkeypatch.setattr("echoset.formats.hdf5.windows", lambda record: [record])
+    monkeypatch.setattr("echoset.formats.hdf5.writer.windows", lambda record: [record])
     formats.write(replace(recording, streams={"uwb": back}), tmp_path / "a", "h5")
     parts = formats.open_parts(tmp_path / "a")
     with closing(parts), pytest.raises(FormatError, match="out of order"):

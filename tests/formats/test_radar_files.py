@@ -12,7 +12,8 @@ import pytest
 from mcap.writer import Writer
 
 from echoset import formats
-from echoset.formats import autoferry, mcap_reader
+from echoset.formats.importers import autoferry
+from echoset.formats.mcap import reader as mcap_reader
 from echoset.models import registry
 from echoset.models.errors import FormatError
 

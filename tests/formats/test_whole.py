@@ -8,7 +8,8 @@ from dataclasses import replace
 import pytest
 
 from echoset import formats
-from echoset.formats import hdf5, layout, steps
+from echoset.formats import layout, steps
+from echoset.formats.hdf5 import writer as hdf5
 from echoset.formats.whole import WholeWriter
 from echoset.models.errors import FormatError
 

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from echoset import api, formats
-from echoset.cli.scenarios import find
+from echoset.campaign.scenarios import find
 from echoset.formats import scores as score_files
 from echoset.formats import weights
-from echoset.metrics.table import concatenate, rows
+from echoset.metrics.kit.table import concatenate, rows
 from echoset.models.classifier import SHAPES, Weights
 from echoset.models.parameters import resolve
 from echoset.models.random import generator

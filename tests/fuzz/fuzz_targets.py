@@ -18,10 +18,13 @@ import yaml
 from fuzz_corpus import Files
 
 from echoset import formats
-from echoset.cli.config import load as load_config
-from echoset.cli.scenarios import find
-from echoset.formats import autoferry, csv, labyrinth, layout, mapping, tree, weights
+from echoset.campaign.layers import load as load_config
+from echoset.campaign.scenarios import find
+from echoset.formats import layout, tree, weights
 from echoset.formats import scores as score_files
+from echoset.formats.importers import autoferry, labyrinth
+from echoset.formats.importers.csv import importer as csv
+from echoset.formats.importers.csv import mapping
 from echoset.models.errors import FormatError, ParameterError
 from echoset.models.parameters import resolve
 from echoset.models.records import Estimates, Recording

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from echoset.metrics import gospa, ospa_normalised
-from echoset.metrics.alignment import Span
-from echoset.metrics.sets import sets
+from echoset.metrics.kit.alignment import Span
+from echoset.metrics.kit.sets import sets
 
 BOTH = {"gospa": gospa.gospa, "normalised": ospa_normalised.ospa_normalised}
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from echoset.metrics import ospa
-from echoset.metrics.alignment import Span
-from echoset.metrics.sets import sets
+from echoset.metrics.kit.alignment import Span
+from echoset.metrics.kit.sets import sets
 from echoset.models.errors import ParameterError
 
 

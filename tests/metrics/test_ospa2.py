@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from echoset.metrics import ospa
-from echoset.metrics.alignment import Span
+from echoset.metrics.kit.alignment import Span
+from echoset.metrics.kit.sets import sets
 from echoset.metrics.ospa2 import Params, measure, ospa2, score
-from echoset.metrics.sets import sets
 from echoset.models.errors import ParameterError
 
 

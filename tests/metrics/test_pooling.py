@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from echoset.metrics.kit.table import Key, concatenate, rows
 from echoset.metrics.pooling import pool
 from echoset.metrics.segments import parse, segments
-from echoset.metrics.table import Key, concatenate, rows
 from echoset.models.errors import InputError, ParameterError
 from echoset.models.names import scenario
 from echoset.models.records import Scores

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from echoset.estimators import phd
+from echoset.estimators.points import phd
 from echoset.metrics import regional
 from echoset.models.errors import InputError, ParameterError
 from echoset.models.random import generator

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from echoset.models.scatter import bearing, path_moments, scatter_ellipse, sector, unit_square_nodes
+from echoset.models.scatter import (
+    bearing,
+    path_moments,
+    scatter_ellipse,
+    sector,
+    unit_square_nodes,
+)
 from echoset.models.uwb import scatter_distance
 
 OPENING = 2 * np.pi / 3

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import echoset
-from echoset.cli.scenarios import find
+from echoset.campaign.scenarios import find
 from echoset.models.checks import check
 from echoset.models.errors import ParameterError
 from echoset.models.multibeam import BaseStation, Echoes, beamformer, steering

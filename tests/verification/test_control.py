@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from echoset.control import figures
-from echoset.control.campaign import campaign, join, mean_over, paired
+from echoset.control.runs import campaign, join, mean_over, paired
 from echoset.control.surveillance import Params
 
 pytestmark = pytest.mark.verification

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from echoset.estimators import di_gsncp, oracle
-from echoset.estimators.gsncp_chain import put, run, table
-from echoset.estimators.kernels import gsncp
-from echoset.estimators.kernels.chains import effective_sample_size
+from echoset.estimators.gsncp import di_gsncp, oracle
+from echoset.estimators.gsncp.chain import put, run, table
+from echoset.estimators.gsncp.kernels import posterior as gsncp
+from echoset.estimators.gsncp.kernels.chains import effective_sample_size
 from echoset.metrics import ospa_gw
 from echoset.models.parameters import resolve, sensor_model
 from echoset.models.random import generator

@@ -1,4 +1,4 @@
-"""The UWB estimators on 100 runs of ``uwb-olos``, as ``benchmarks/marks_eopda.py`` prints them.
+"""The UWB estimators on 100 runs of ``uwb-olos``, as ``make marks`` prints them.
 
 The bounds are those of a plain bootstrap filter on the same scene (40 runs), of the posterior
 Cramér-Rao bound, and of the comparison in Zhu et al., section V-B. All allow two standard errors.
@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from functools import cache
 
-import marks_eopda as marks
 import numpy as np
 import pytest
+from papers import marks_eopda as marks
 
 RUNS = 100
 BOOTSTRAP_FILTER = np.array([0.062, 0.303, 0.130, 0.111, 0.255, 0.048])

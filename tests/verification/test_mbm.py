@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from echoset.estimators import mbm, phd
-from echoset.formats import autoferry
+from echoset.estimators.points import mbm, phd
+from echoset.formats.importers import autoferry
 from echoset.metrics.gospa import Params, gospa
-from echoset.metrics.sets import sets
+from echoset.metrics.kit.sets import sets
 from echoset.models.random import generator
 from echoset.models.records import Estimates, Meta, Recording, Sensor, Stream
 from echoset.simulate import meeting

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
-from echoset.metrics import paths, pcrlb, pcrlb_star
-from echoset.metrics.information import intensity
+from echoset.metrics.bounds import paths, pcrlb, pcrlb_star
+from echoset.metrics.bounds.information import intensity
 from echoset.models.parameters import resolve
 from echoset.models.scatter import unit_square_nodes
 from echoset.simulate import uwb

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from echoset.estimators import phd
-from echoset.estimators.sensing import look
+from echoset.estimators.points import phd
+from echoset.estimators.points.sensing import look
 from echoset.models.parameters import resolve, sensor_model
 from echoset.models.random import generator
 from echoset.models.regions import contains, polygons

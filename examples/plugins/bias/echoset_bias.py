@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from echoset.metrics.alignment import Window, pairs
-from echoset.metrics.errors import axes, check_parts, chosen, deviation
-from echoset.metrics.series import mean_stderr
-from echoset.metrics.table import concatenate, rows
+from echoset.metrics.kit.alignment import Window, pairs
+from echoset.metrics.kit.errors import axes, check_parts, chosen, deviation
+from echoset.metrics.kit.series import mean_stderr
+from echoset.metrics.kit.table import concatenate, rows
 from echoset.models.parameters import parameter, require
 from echoset.models.records import Estimates, Recording, Scores
 

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from echoset.cli.pictures import describe, gather
+from echoset.campaign.pictures import describe, gather
 from echoset.models import registry
 from echoset.models.errors import InputError, ParameterError
 from echoset.report import plots

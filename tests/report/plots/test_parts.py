@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from echoset.cli.pictures import gather
+from echoset.campaign.pictures import gather
 from echoset.models.errors import InputError
 from echoset.models.records import Objects, Recording
 from echoset.models.uwb import error_bound

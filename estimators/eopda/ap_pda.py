@@ -1,0 +1,47 @@
+"""Probabilistic data association with a point target: the baseline without an extent.
+
+Each link has at most one range of the object: the line of sight to the device (active) or the path
+over the centre (passive). All else is clutter: Bar-Shalom, Daum and Huang, "The probabilistic data
+association filter", IEEE Control Systems Magazine 29 (2009). Compared in section V-B of Zhu et al.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.parameters import parameter, require
+from ...models.records import Array
+from . import params as device_params
+from .filter import DeviceFilter, Target
+from .kernels.compiled.link_likelihood import point
+from .links import Links
+
+
+@dataclass(frozen=True, slots=True)
+class Params(device_params.Params):
+    """Parameters of the point target."""
+
+    p_detect: float = parameter(0.95, "1", "probability that a link has a range of the object")
+
+    def __post_init__(self) -> None:
+        device_params.Params.__post_init__(self)
+        require(0 < self.p_detect < 1, "p_detect", "in (0, 1)", self.p_detect)
+
+
+def log_likelihood(y: Array, device: Array, anchors: Array, links: Links, params: Params) -> Array:
+    """Log-likelihood (N,) of particles ``y``; see :mod:`.kernels.link_likelihood`."""
+    return point(y[:2], device, y[-1], anchors, *links, params.clutter, params.p_detect)
+
+
+ACTIVE_PASSIVE = DeviceFilter(
+    "point target with a UWB device, classic data association, active and passive links",
+    Params,
+    Target(
+        extent=(),
+        prior=lambda params: np.zeros((2, 0)),
+        walk=lambda params: np.zeros(0),
+        log_likelihood=log_likelihood,
+    ),
+)

@@ -1,0 +1,71 @@
+"""EOPDA with the ideal scattering model: scatterers fill a sector of the object's rim.
+
+Zhu et al., "Multi-Sensor Fusion of Active and Passive Measurements for Extended Object Tracking",
+section IV, eq. (12). The extent is an ellipse with semi-axes a, b along x and y and a sector of
+width w. Where the paper draws scatterers at random, they stand on a lattice of the same number,
+whose error is smaller.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...models.parameters import parameter, require
+from ...models.records import Array
+from ...models.scatter import unit_square_nodes
+from . import ranges as eopda
+from .filter import DeviceFilter, Target
+from .kernels.compiled.link_likelihood import ideal
+from .links import Links
+
+
+@dataclass(frozen=True, slots=True)
+class Params(eopda.Params):
+    """Parameters of the ideal model."""
+
+    scatterers: int = parameter(50, "1", "scatterers I' per receiving anchor")
+
+    def __post_init__(self) -> None:
+        eopda.Params.__post_init__(self)
+        require(self.scatterers >= 1, "scatterers", "at least 1", self.scatterers)
+
+
+def log_likelihood(y: Array, device: Array, anchors: Array, links: Links, params: Params) -> Array:
+    """Log-likelihood (N,) of particles ``y``; see :mod:`.kernels.link_likelihood`."""
+    u, s = unit_square_nodes(params.scatterers)
+    return ideal(
+        y[:2],
+        device,
+        y[-1],
+        anchors,
+        *links,
+        params.clutter,
+        params.los,
+        params.mean_scatter,
+        y[6:8],
+        y[8],
+        params.opening_angle,
+        u,
+        s,
+    )
+
+
+ELLIPSE = Target(
+    extent=("a", "b", "w"),
+    prior=lambda params: params.prior(2),
+    walk=lambda params: params.walk(2),
+    log_likelihood=log_likelihood,
+    kind="ellipse",
+    axes=(0, 1),
+)
+ACTIVE_PASSIVE = DeviceFilter(
+    "extended object with a UWB device, ideal scattering, active and passive links",
+    Params,
+    ELLIPSE,
+)
+ACTIVE = DeviceFilter(
+    "extended object with a UWB device, ideal scattering, active links only",
+    Params,
+    ELLIPSE,
+    passive=False,
+)

@@ -1,0 +1,138 @@
+"""The links of a UWB network as estimators see them: who hears whom, and how well.
+
+Nodes become indices: anchors 0 ... J - 1 and J for the device that is tracked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from ...models.columns import ACTIVE
+from ...models.errors import InputError
+from ...models.records import Array, Recording, Scan
+from ...models.uwb import range_std
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Network:
+    """Anchors of a stream and the noise of its ranges.
+
+    ``stream`` is its name; ``anchors`` (J, 2) [m]; ``index`` maps the nodes of the stream to
+    0 ... J, other devices to -1. ``rms_bandwidth`` [Hz], ``amplitude_threshold`` and ``sigma`` [m]
+    serve to find the standard deviation of a range, see :func:`link_steps`.
+    """
+
+    stream: str
+    anchors: Array
+    index: Array
+    rms_bandwidth: float | None
+    amplitude_threshold: float
+    sigma: float | None
+
+
+class Links(NamedTuple):
+    """Link events of one time and mode, in order of receivers; fields as the kernels take them.
+
+    ``tx`` (L,) is J for the device, ``rx`` (L,), ``offset`` (L + 1,) into ``z`` (M,) [m] and
+    ``variance`` (M,) [m^2].
+    """
+
+    tx: Array
+    rx: Array
+    offset: Array
+    z: Array
+    variance: Array
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is no event."""
+        return len(self.tx) == 0
+
+
+def network(
+    setup: Recording,
+    device: str | None,
+    rms_bandwidth: float | None,
+    amplitude_threshold: float,
+    sigma: float | None,
+) -> Network:
+    """The one UWB network of a recording, with the device to track.
+
+    Raises
+    ------
+    InputError : no UWB stream or several, no anchor, no such device, or several and none chosen
+    """
+    streams = {name: s for name, s in setup.streams.items() if s.kind == "uwb"}
+    if len(streams) != 1:
+        raise InputError(f"{setup.meta.name}: needs one UWB stream, has {len(streams)}")
+    ((name, stream),) = streams.items()
+    kinds = [setup.sensors[node].kind for node in stream.nodes]
+    anchors = [node for node, kind in zip(stream.nodes, kinds, strict=True) if kind == "anchor"]
+    devices = [node for node, kind in zip(stream.nodes, kinds, strict=True) if kind == "device"]
+    if not anchors:
+        raise InputError(f"{setup.meta.name}: anchors missing in stream {name!r}")
+    if device is not None and device not in devices:
+        raise InputError(f"{setup.meta.name}: no device {device!r}, has {' '.join(devices)}")
+    if device is None and len(devices) > 1:
+        raise InputError(
+            f"{setup.meta.name}: has {len(devices)} devices, choose one of "
+            f"{' '.join(devices)} by --set device=..."
+        )
+    tracked = device or (devices[0] if devices else None)
+    rank = {node: j for j, node in enumerate(anchors)}
+    index = [len(anchors) if n == tracked else rank.get(n, -1) for n in stream.nodes]
+    position = np.array([setup.sensors[a].position[0, :2] for a in anchors])
+    return Network(name, position, np.array(index), rms_bandwidth, amplitude_threshold, sigma)
+
+
+def link_steps(net: Network, scans: Iterable[Scan]) -> Iterator[tuple[int, tuple[Links, Links]]]:
+    """Each time [ns] with its active and its passive links, one time in memory.
+
+    The standard deviation of a range follows from its amplitude (not below the threshold) by
+    Fisher information; without amplitudes it is the column ``std``, without that ``sigma``.
+
+    Raises
+    ------
+    InputError : nothing tells the standard deviation, or it is not positive
+    """
+    own = (scan for scan in scans if scan.stream == net.stream)
+    for time_ns, events in groupby(own, lambda scan: scan.time_ns):
+        active: list[Scan] = []
+        passive: list[Scan] = []
+        for scan in events:
+            if scan.scan["mode"] != ACTIVE:
+                passive.append(scan)
+            elif net.index[scan.scan["tx"]] >= 0:
+                active.append(scan)
+        yield time_ns, (_links(net, active), _links(net, passive))
+
+
+def _links(net: Network, scans: list[Scan]) -> Links:
+    scans = sorted(scans, key=lambda s: (net.index[s.scan["rx"]], net.index[s.scan["tx"]]))
+    tx, rx = (np.array([net.index[s.scan[k]] for s in scans], np.int64) for k in ("tx", "rx"))
+    z = [np.asarray(s.rows["distance"], float) for s in scans]
+    offset = np.concatenate(([0], np.cumsum([len(d) for d in z]))).astype(np.int64)
+    std = [_std(net, s) for s in scans]
+    none = np.zeros(0)
+    return Links(tx, rx, offset, np.concatenate((none, *z)), np.concatenate((none, *std)) ** 2)
+
+
+def _std(net: Network, scan: Scan) -> Array:
+    rows = scan.rows
+    if "amplitude" in rows:
+        if net.rms_bandwidth is None:
+            raise InputError("ranges have amplitudes, yet no 'rms_bandwidth' is known: set it")
+        amplitude = np.maximum(rows["amplitude"], net.amplitude_threshold)
+        return np.asarray(range_std(amplitude, net.rms_bandwidth))
+    if "std" in rows:
+        if not (rows["std"] > 0).all():
+            raise InputError(f"'std' must be positive at {scan.time_ns} ns")
+        return np.asarray(rows["std"])
+    if net.sigma is None:
+        raise InputError("ranges have neither amplitude nor std: set 'sigma' [m]")
+    return np.full(len(rows["distance"]), net.sigma)

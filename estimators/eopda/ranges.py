@@ -1,0 +1,56 @@
+"""What the extended-object estimators share: how many ranges are direct, scattered and false."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+
+from ...models.parameters import parameter, require
+from ...models.records import Array
+from . import params as device_params
+
+
+@dataclass(frozen=True, slots=True)
+class Params(device_params.Params):
+    """Parameters of a carried device on an extended object that scatters."""
+
+    mean_los: float = parameter(1.0, "1", "mean number of direct ranges per active link event")
+    mean_scatter: float = parameter(
+        5.0, "1", "mean number of scattered ranges per link event; 0: the device has no object"
+    )
+    opening_angle: float = parameter(2 * pi / 3, "rad", "opening angle of the scattering sector")
+    axes_prior: tuple[float, float] = parameter((0.1, 0.5), "m", "range of the first semi-axes")
+    width_prior: tuple[float, float] = parameter((0.01, 0.2), "m", "range of the first width")
+    axes_std: float = parameter(0.05, "m", "random walk of the semi-axes")
+    width_std: float = parameter(0.05, "m", "random walk of the sector's width")
+
+    def __post_init__(self) -> None:
+        device_params.Params.__post_init__(self)
+        for name in ("mean_los", "mean_scatter", "axes_std", "width_std"):
+            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
+        require(
+            0 < self.opening_angle <= 2 * pi, "opening_angle", "in (0, 2 pi]", self.opening_angle
+        )
+        for name in ("axes_prior", "width_prior"):
+            low, high = getattr(self, name)
+            require(0 < low <= high, name, "0 < low <= high", (low, high))
+
+    @property
+    def los(self) -> float:
+        """Mean number of ranges of an active link that are its line of sight."""
+        return self.mean_los
+
+    @property
+    def has_object(self) -> bool:
+        """Whether there is an object that scatters."""
+        return self.mean_scatter > 0
+
+    def prior(self, axes: int) -> Array:
+        """Bounds (2, axes + 1) of the uniform prior of the semi-axes and the width."""
+        return np.array([self.axes_prior] * axes + [self.width_prior]).T
+
+    def walk(self, axes: int) -> Array:
+        """Random walk (axes + 1,) [m] of the semi-axes and the width per 0.1 s."""
+        return np.array([self.axes_std] * axes + [self.width_std])

@@ -1,0 +1,138 @@
+"""DI-GSNCP: extended targets from the detections of many scans of many sensors, by a jump chain.
+
+Every epoch (all scans of one time) processes the detections of the epochs so far and starts from
+the estimate of the epoch before. The posterior stands in :mod:`.kernels.gsncp`, its moves in
+:mod:`.kernels.gsncp_moves`, the chain in :mod:`.gsncp_chain`. The preset ``paper`` has the paper's
+moves: steps of position and extent, and births and deaths by their total rates; but a patience of
+10,000 moves, since most of those births fall beside targets that are known already. The default has
+births near unexplained detections, relocations, steps that follow from the detections expected, and
+a second start from nothing, since an estimate that straddles two targets holds on to its place.
+
+References
+----------
+Efficient sensing of multiple extended targets by a doubly inhomogeneous generalised shot noise Cox
+process and jump Markov chain Monte Carlo sampling, sections 3 and 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...models.parameters import parameter, require
+from ...models.records import Array, Estimates, Recording, Scan
+from .chain import Result, sample
+from .kernels.chains import effective_sample_size
+from .kernels.posterior import Scene, feasible
+from .output import Labels, objects
+from .params import ChainParams
+from .scene import epochs, grid, scene
+from .sensors import STREAMS, SensorState
+
+SUMMARY = "extended targets from multi-sensor multi-scan detections by jump MCMC (DI-GSNCP)"
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "default": {},
+    "paper": {
+        "moves": (0.24, 0.56, 0.0, 0.0, 0.0, 0.2),
+        "informed": False,
+        "block": 500,
+        "smoothing": 1,
+        "restart": False,
+        "burn_in": 0,
+        "max_burn_in": 60_000,
+        "patience": 10_000,
+        "uniform": 0.3,
+        "explore": 0,
+        "max_explore": 0,
+        "samples": 100,
+        "thin": 1,
+    },
+}
+TRACE = 100
+"""Points of a trace that the diagnostics keep."""
+__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate", "scenes"]
+
+
+@dataclass(frozen=True, slots=True)
+class Params(ChainParams):
+    """Prior and sensors, moves, and what is processed and kept."""
+
+    epochs: int = parameter(0, "1", "epochs processed together, 0 for all so far")
+    keep: bool = parameter(False, "1", "keep the samples, as values per step")
+
+    def __post_init__(self) -> None:
+        ChainParams.__post_init__(self)
+        require(self.epochs >= 0, "epochs", "at least 0", self.epochs)
+
+
+def estimate(
+    setup: Recording, scans: Iterable[Scan], params: Params, rng: np.random.Generator
+) -> Iterator[Estimates]:
+    """Yield the posterior means of the targets after each epoch.
+
+    Raises
+    ------
+    InputError : region, noise or detection probability are not known or not possible, or the
+        detections need more memory than there may be
+    EstimatorError : the log posterior is not finite
+    """
+    start, intensity = (np.zeros((0, 3)), np.zeros((0, 6))), None
+    labels = Labels()
+    for time_ns, sight in scenes(setup, scans, params):
+        result = sample(sight, params, start, intensity, rng)
+        mean, P = spread(result.samples)
+        start, intensity = (mean[:, :3], mean[:, 3:]), result.intensity
+        label = labels.of(mean[:, :3], max(params.hard_core_radius, 1.0) / 2)
+        steps = diagnostics(result)
+        if params.keep:
+            n, L, _ = result.samples.shape
+            kept = np.zeros((1, n, params.max_targets, 9))
+            kept[0, :, :L] = result.samples[:, np.argsort(label)]
+            steps["samples"] = kept
+        yield Estimates(setup.meta, objects(time_ns, mean, label, params.dimension, P), steps)
+        if not feasible(sight, *start):
+            start = result.last
+
+
+def scenes(setup: Recording, scans: Iterable[Scan], params: Params) -> Iterator[tuple[int, Scene]]:
+    """After each epoch its time [ns] and the scene of the epochs so far."""
+    nodes = grid(params, setup)
+    births = {k: getattr(params, k) for k in ("spread", "uniform", "informed")}
+    seen: list[list[SensorState]] = []
+    for time_ns, states in epochs(params, setup, scans, nodes):
+        seen = [*seen, states][-params.epochs :]
+        yield time_ns, scene(params, (s for epoch in seen for s in epoch), nodes, **births)
+
+
+def spread(x: Array) -> tuple[Array, Array]:
+    """Mean (L, 9) and covariance (L, 9, 9) of samples x (n, L, 9)."""
+    away = x - x.mean(0)
+    return x.mean(0), np.einsum("nli,nlj->lij", away, away) / max(len(x) - 1, 1)
+
+
+def diagnostics(result: Result) -> dict[str, Array]:
+    """What the chain tells about itself, one value or array for the step."""
+    runs = (result.burn_in, result.explored, result.sampled)
+    trace = np.concatenate([r.trace for r in runs])
+    count = np.concatenate([r.count for r in runs])
+    at = np.linspace(0, len(trace) - 1, TRACE).round().astype(int)
+    settled = result.explored if len(result.explored.count) else result.sampled
+    acceptance = sum(r.accepted for r in runs) / np.maximum(sum(r.tried for r in runs), 1)
+    values: dict[str, Any] = {
+        "cardinality_mean": settled.count.mean(),
+        "cardinality_variance": settled.count.var(),
+        "iterations": float(len(trace)),
+        "burn_in": float(len(result.burn_in.trace)),
+        "log_posterior": result.sampled.trace.mean(),
+        "log_posterior_explored": settled.trace.mean(),
+        "effective_sample_size": effective_sample_size(result.sampled.trace),
+        "intensity": result.intensity[0],
+        "clutter_intensity": result.intensity[1],
+        "acceptance": acceptance,
+        "log_posterior_trace": trace[at],
+        "cardinality_trace": count[at].astype(float),
+    }
+    return {k: np.asarray(v, float)[None] for k, v in values.items()}

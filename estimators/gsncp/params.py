@@ -1,0 +1,144 @@
+"""What the jump chain and its baselines assume about targets and sensors, and its moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.parameters import parameter, require
+from ...models.records import Array
+from .kernels.posterior import KINDS, MAX_GATE
+
+
+@dataclass(frozen=True, slots=True)
+class SceneParams:
+    """Prior of the targets and what is assumed about the sensors."""
+
+    clutter_region: tuple[float, ...] = parameter(
+        (), "m", "x_min x_max y_min y_max [z_min z_max]: where targets and clutter are"
+    )
+    hard_core_radius: float = parameter(6.0, "m", "no two centres are nearer")
+    extent_diagonal: tuple[float, float] = parameter(
+        (1.0, 1.5), "m", "range of the diagonal elements of the extent's triangular matrix"
+    )
+    extent_off_diagonal: tuple[float, float] = parameter(
+        (-0.5, 0.5), "m", "range of the elements below the diagonal"
+    )
+    p_detect: float | None = parameter(None, "1", "detection probability, where no table is")
+    p_false: float = parameter(1e-3, "1", "least detection probability; that beyond the tables")
+    outside_variance: float = parameter(20.0, "m2", "variance of errors beyond the tables")
+    resolution: float = parameter(
+        0.0, "m-2 or m-3", "resolved points per volume of a target, where the radar's is not known"
+    )
+    std_position: float = parameter(0.0, "m", "noise of positions, where the rows state none")
+    std_range: float = parameter(0.0, "m", "noise of ranges, where the rows state none")
+    std_azimuth: float = parameter(0.0, "rad", "noise of azimuths, where the rows state none")
+    std_elevation: float = parameter(0.0, "rad", "noise of elevations")
+    max_range: float = parameter(0.0, "m", "end of the view where scans state none; 0: nowhere")
+    cell: float = parameter(2.5, "m", "cell of tables that are made here")
+    gate: float = parameter(50.0, "1", "squared Mahalanobis distance beyond which eta is zero")
+    memory: float = parameter(4.0, "GB", "refuse more detections than it holds")
+    max_targets: int = parameter(64, "1", "most targets at a time")
+
+    def __post_init__(self) -> None:
+        r = self.clutter_region
+        require(len(r) in (0, 4, 6), "clutter_region", "two or three pairs", r)
+        full = all(a < b for a, b in zip(r[::2], r[1::2], strict=True))
+        require(full, "clutter_region", "of a volume, with increasing pairs", r)
+        for name in ("extent_diagonal", "extent_off_diagonal"):
+            low, high = getattr(self, name)
+            require(low <= high, name, "increasing", (low, high))
+        require(self.extent_diagonal[0] > 0, "extent_diagonal", "positive", self.extent_diagonal)
+        for name in ("hard_core_radius", "resolution", "std_position", "std_range", "std_azimuth",
+                     "std_elevation", "max_range"):  # fmt: skip
+            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
+        require(0 < self.gate <= MAX_GATE, "gate", f"in (0, {MAX_GATE:g}]", self.gate)
+        for name in ("cell", "memory", "outside_variance"):
+            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
+        p = self.p_detect
+        require(p is None or 0 <= p <= 1, "p_detect", "in [0, 1]", p)
+        require(0 < self.p_false < 1, "p_false", "in (0, 1)", self.p_false)
+        require(self.max_targets >= 1, "max_targets", "at least 1", self.max_targets)
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return len(self.clutter_region) // 2
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """Lower and upper corner (3,) of the region, flat along z in the plane."""
+        r = np.array([*self.clutter_region, 0.0, 0.0][:6])
+        return r[::2], r[1::2]
+
+    @property
+    def extent_box(self) -> tuple[Array, Array]:
+        """Least and largest extent parameters (6,)."""
+        row, column = np.tril_indices(3)
+        ends = zip(self.extent_diagonal, self.extent_off_diagonal, strict=True)
+        low, high = (np.where(row == column, d, o) for d, o in ends)
+        if self.dimension == 2:
+            low[3:] = high[3:] = (0.0, 0.0, 1.0)
+        return low, high
+
+
+@dataclass(frozen=True, slots=True)
+class ChainParams(SceneParams):
+    """Moves, their lengths and numbers."""
+
+    moves: tuple[float, ...] = parameter(
+        (0.3, 0.4, 0.1, 0.1, 0.1, 0.0),
+        "1",
+        "weights of the moves: position, extent, birth, death, relocation, and the paper's jump",
+    )
+    informed: bool = parameter(
+        True, "1", "steps that shrink with the detections expected; else the paper's"
+    )
+    acceptance: float = parameter(0.35, "1", "acceptance of steps that burn-in adapts to")
+    spread: float = parameter(1.0, "m", "spread of births about unexplained detections")
+    uniform: float = parameter(0.05, "1", "share of births anywhere")
+    table_points: int = parameter(100, "1", "mean number of detections in the paper's birth table")
+    table_extents: int = parameter(20, "1", "extents that estimate its birth rates")
+    table_radius: float = parameter(0.2, "m", "radius of its balls")
+    intensity: float | None = parameter(
+        None, "m-2 or m-3", "intensity of targets where it is known, else estimated"
+    )
+    clutter_rate: float | None = parameter(
+        None, "1", "false detections per scan where they are known, else estimated"
+    )
+    smoothing: int = parameter(10, "1", "blocks over which estimated intensities are averaged")
+    block: int = parameter(500, "1", "moves between updates of steps and intensities")
+    burn_in: int = parameter(15_000, "1", "least number of moves of the burn-in")
+    restart: bool = parameter(
+        True, "1", "a second burn-in, from no targets at all; the better goes on"
+    )
+    max_burn_in: int = parameter(40_000, "1", "largest number of moves of the burn-in")
+    patience: int = parameter(5000, "1", "moves without a better posterior that end the burn-in")
+    explore: int = parameter(30_000, "1", "moves, with births and deaths, that count the targets")
+    max_explore: int = parameter(
+        120_000, "1", "the same while the number of targets changes within so many moves"
+    )
+    samples: int = parameter(100, "1", "samples")
+    thin: int = parameter(300, "1", "moves from one sample to the next")
+
+    def __post_init__(self) -> None:
+        SceneParams.__post_init__(self)
+        m = self.moves
+        ok = len(m) == len(KINDS) and min(m) >= 0 and m[0] + m[1] > 0 and m[2] == m[3]
+        require(ok, "moves", "six weights, some of steps, births as often as deaths", m)
+        require(0 < self.acceptance < 1, "acceptance", "in (0, 1)", self.acceptance)
+        require(0 < self.uniform <= 1, "uniform", "in (0, 1]", self.uniform)
+        for name in ("spread", "table_radius"):
+            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
+        counts = ("table_points", "table_extents", "smoothing", "block", "max_burn_in", "patience")
+        for name in (*counts, "samples", "thin"):
+            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
+        for name in ("burn_in", "explore"):
+            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
+        for name in ("burn_in", "explore"):
+            most = getattr(self, f"max_{name}")
+            require(most >= getattr(self, name), f"max_{name}", f"at least {name}", most)
+        for name in ("intensity", "clutter_rate"):
+            value = getattr(self, name)
+            require(value is None or value > 0, name, "positive", value)

@@ -1,0 +1,336 @@
+"""From range-angle maps to detections: fusion, identification, three-step clustering.
+
+E. Favarelli, E. Matricardi, L. Pucci, E. Paolini, W. Xu and A. Giorgetti, "Multi-base station
+cooperative sensing with AI-aided tracking", section III. The maps that stations took at one time
+become a soft map; a network tells the class of each target that the filter follows, and so its
+gate; bright pixels become detections with covariances. Each part is a function that a caller may
+replace.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ...models.classifier import CLASSES, Weights
+from ...models.detection import View
+from ...models.errors import InputError
+from ...models.poses import pose_at
+from ...models.records import Array, Objects, Recording, Scan, Sensor
+from ...models.regions import area, box
+from ...models.registry import load
+from ..points import sensing
+from ..points.sensing import Look, look
+from .kernels import cnn
+from .kernels.compiled import fusion as compiled_fusion
+from .kernels.compiled import pixels as compiled_pixels
+from .kernels.fusion import Pixels, Table, table
+from .kernels.pixels import summary
+from .pairs import split
+from .params import MapParams
+
+MAPS = "range_angle_map"
+STREAMS = (*sensing.STREAMS, MAPS)
+FUSED = ""
+"""What the look at all maps of one time is called among the streams."""
+SHIPPED = Path(__file__).parent / "weights" / "jsc_cnn.npz"
+LEAST = 1e-9
+"""Least probability of a class, so that no single scan is the last word."""
+_log = logging.getLogger(__name__)
+
+Fuse = Callable[[int, Sequence[Scan]], Array]
+"""Time [ns] and the scans of the maps then -> soft map (ny, nx)."""
+Identify = Callable[[int, Array, Array], Array]
+"""Time [ns], soft map and positions (n, 2) -> probabilities (n, 2) of the classes there."""
+Split = Callable[[int, Array, Array, Array], tuple[Array, Array]]
+"""Time, soft map, positions (k, 2) and classes (k,) of targets -> both, a pair being two."""
+Cluster = Callable[[int, Array, Array, Array, Array], tuple[Array, Array]]
+"""Time, soft map, positions (k, 2), gates and rooms (k,) -> detections (n, 2), covariances."""
+Classes = Mapping[int, Array]
+"""Log-probabilities (2,) of the classes of the targets, by label."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Station:
+    """A station's axes, and the table of its map for the pose that it has first."""
+
+    sensor: Sensor
+    distance: Array
+    azimuth: Array
+    position: Array
+    rotation: Array
+    table: Table
+
+    @staticmethod
+    def of(sensor: Sensor, model: Mapping[str, Array], pixels: Pixels) -> Station:
+        """The station of a stream with this ``model``."""
+        distance, azimuth = (np.asarray(model[f"{a}_axis"], float) for a in ("range", "azimuth"))
+        p, R = _plane(sensor, int(sensor.time_ns[0]))
+        return Station(sensor, distance, azimuth, p, R, table(pixels, distance, azimuth, p, R))
+
+    def at(self, time_ns: int, pixels: Pixels) -> Table:
+        """The table for the pose at a time."""
+        p, R = _plane(self.sensor, time_ns)
+        if np.array_equal(p, self.position) and np.array_equal(R, self.rotation):
+            return self.table
+        return table(pixels, self.distance, self.azimuth, p, R)
+
+
+def _plane(sensor: Sensor, time_ns: int) -> tuple[Array, Array]:
+    position, rotation = pose_at(sensor, time_ns)
+    return position[:2], rotation[:2, :2]
+
+
+def fuse(
+    stations: Mapping[str, Station], pixels: Pixels, time_ns: int, scans: Sequence[Scan]
+) -> Array:
+    """The soft map (ny, nx), float32: the sum of the maps in ``scans``, resampled.
+
+    Raises
+    ------
+    InputError : a map that does not have the shape of its axes
+    """
+    soft = np.zeros((pixels.ny, pixels.nx), np.float32)
+    for scan in scans:
+        station, power = stations[scan.stream], scan.scan["map"]
+        shape = len(station.distance), len(station.azimuth)
+        if power.shape != shape:
+            raise InputError(
+                f"stream {scan.stream} at {time_ns} ns: map of {power.shape}, axes of {shape}"
+            )
+        t = station.at(time_ns, pixels)
+        compiled_fusion.add(soft, np.ascontiguousarray(power), t.pixel, t.corner, t.u, t.v)
+    return soft
+
+
+def identify(weights: Weights, pixels: Pixels, time_ns: int, soft: Array, where: Array) -> Array:
+    """Probabilities (n, 2) of the classes of what stands at ``where`` (n, 2), by the network."""
+    return cnn.probabilities(weights, cnn.windows(soft, where, pixels))
+
+
+def cluster(
+    params: MapParams,
+    pixels: Pixels,
+    noise: float,
+    time_ns: int,
+    soft: Array,
+    where: Array,
+    gate: Array,
+    room: Array,
+) -> tuple[Array, Array]:
+    """Detections (n, 2) and covariances (n, 2, 2): of the known targets, then of the clusters.
+
+    A bright pixel belongs to the nearest of ``where`` (k, 2), if it is within its ``gate`` (k,);
+    those that are left, if bright enough for new ones, go to DBSCAN. A known target with too few
+    pixels makes no detection, nor does a cluster that leaves no room for a target beside the
+    ``room`` (k,) of a known one. The soft map's ``noise`` is its mean where nothing is.
+    """
+    row, column, point = pixels.above(soft, params.excision * noise)
+    where = np.ascontiguousarray(where, float)
+    known = compiled_pixels.nearest(point, where, gate, room)
+    n, z, R = summary(point, known, len(where), pixels.cell)
+    enough = n >= params.min_pixels
+    rest = (known < 0) & (soft[row, column] > params.excision_new * noise)
+    mask = np.zeros(soft.shape, bool)
+    mask[row[rest], column[rest]] = True
+    reach2 = int((params.dbscan_radius / pixels.cell) ** 2 + 1e-6)
+    label = compiled_pixels.dbscan(mask, reach2, params.dbscan_points)
+    _, z_new, R_new = summary(point[rest], label, label.max(initial=-1) + 1, pixels.cell)
+    taken = np.where(room > 0, room + min(params.rooms), 0.0)
+    new = compiled_pixels.nearest(z_new, where, taken, room) < 0
+    R = params.spread * np.concatenate((R[enough], R_new[new]))
+    return np.concatenate((z[enough], z_new[new])), R
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chain:
+    """The processing of maps: the ``streams`` that are fused, those ``unused``, and the parts.
+
+    ``identify`` is None where nobody tells classes, and where there are no maps.
+    """
+
+    params: MapParams
+    streams: frozenset[str]
+    unused: frozenset[str]
+    fuse: Fuse
+    identify: Identify | None
+    split: Split
+    cluster: Cluster
+
+    @staticmethod
+    def of(setup: Recording, params: MapParams) -> Chain:
+        """The chain for the maps of a recording.
+
+        Raises
+        ------
+        InputError : fewer streams of maps than are to be fused; weights missing or damaged
+        """
+        names = sorted(name for name, s in setup.streams.items() if s.kind == MAPS)
+        wanted = len(names) if params.stations is None or not names else params.stations
+        if wanted > len(names):
+            raise InputError(f"stations is {wanted}, but only {len(names)} streams have maps")
+        used, unused = names[:wanted], names[wanted:]
+        if unused:
+            _log.info("fusing the maps of %s, not of %s", " ".join(used), " ".join(unused))
+        pixels = Pixels.of(params.map_region, params.map_cell)
+        streams = {name: setup.streams[name] for name in used}
+        stations = {
+            name: Station.of(setup.sensors[s.nodes[0]], s.model, pixels)
+            for name, s in streams.items()
+        }
+        told = None
+        if used and params.identify == "cnn":
+            weights = load("echoset.readers", "weights")(Path(params.weights or SHIPPED))
+            told = partial(identify, weights, pixels)
+        return Chain(
+            params,
+            frozenset(used),
+            frozenset(unused),
+            partial(fuse, stations, pixels),
+            told,
+            partial(split, params, pixels, float(len(used)), told),
+            partial(cluster, params, pixels, float(len(used))),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """What the maps of one time show: the soft map, detections z (n, 2) with R (n, 2, 2).
+
+    ``classes`` are those of the targets that were followed.
+    """
+
+    time_ns: int
+    soft: Array
+    z: Array
+    R: Array
+    classes: Classes
+
+    def look(self, params: MapParams) -> Look:
+        """The detections as the filters take them; clutter is uniform over the soft map."""
+        region = params.clutter_region or params.map_region
+        clutter = np.full(len(self.z), params.clutter_rate / area(box(region)))
+        zero = np.zeros(2)
+        return Look(
+            False, self.z, self.R, clutter, zero, zero, np.eye(2), View(), params.p_detect
+        )  # fmt: skip
+
+
+def used(chain: Chain, scans: Iterable[Scan]) -> Iterator[Scan]:
+    """The scans but for the maps that are not fused.
+
+    Raises
+    ------
+    InputError : at the end, if a stream that should be fused had no scan
+    """
+    missing = set(chain.streams)
+    for scan in scans:
+        if scan.stream not in chain.unused:
+            missing.discard(scan.stream)
+            yield scan
+    if missing:
+        raise InputError(f"stream {min(missing)}: has no maps")
+
+
+def see(
+    chain: Chain, scans: Sequence[Scan], label: Array, where: Array, classes: Classes
+) -> Sight | None:
+    """What the maps among the ``scans`` of one time show; None if there are none.
+
+    The filter follows targets with ``label`` (k,), predicted at ``where`` (k, 2); ``classes`` is
+    what is known of them.
+    """
+    maps = [scan for scan in scans if scan.stream in chain.streams]
+    if not maps:
+        return None
+    time_ns = maps[0].time_ns
+    soft = chain.fuse(time_ns, maps)
+    known: Classes = {}
+    if chain.identify is not None:
+        now = _logs(chain.identify(time_ns, soft, where))
+        before = np.array([classes.get(l, np.zeros(len(CLASSES))) for l in label.tolist()])
+        now += chain.params.class_memory * before.reshape(now.shape)
+        now -= np.logaddexp.reduce(now, axis=1, keepdims=True)
+        known = dict(zip(label.tolist(), now, strict=True))
+    kind = np.array([known[l].argmax() if known else 0 for l in label.tolist()], int)
+    apart = alone(where, np.array(chain.params.rooms)[kind], np.lexsort((label, -kind)))
+    where, kind = where[apart], kind[apart]
+    where, kind = chain.split(time_ns, soft, where, kind)
+    gate, room = (np.array(sizes)[kind] for sizes in (chain.params.gates, chain.params.rooms))
+    detections = chain.cluster(time_ns, soft, where, gate, room)
+    return Sight(time_ns, soft, *detections, known)
+
+
+def alone(where: Array, room: Array, order: Array) -> Array:
+    """Which of the targets at ``where`` (k, 2) are no doubles of one that comes before.
+
+    Of two whose distance is less than the sum of their ``room`` (k,), the later one in the
+    ``order`` (k,) of indices is taken for a double of the other.
+    """
+    apart = np.ones(len(where), bool)
+    close = np.hypot(*(where[:, None] - where).T) < room + room[:, None]
+    for k, i in enumerate(order):
+        if apart[i]:
+            later = order[k + 1 :]
+            apart[later] &= ~close[i, later]
+    return apart
+
+
+def looks(
+    scans: Iterable[Scan], sight: Sight | None, setup: Recording, params: Mapping[str, MapParams]
+) -> Iterator[tuple[Scan, Look]]:
+    """What the ``scans`` of one time show with the ``params`` of their streams, one by one.
+
+    The maps are one of them, the first, which has no rows.
+
+    Raises
+    ------
+    InputError : the noise of detections or the region of clutter is not known
+    """
+    if sight is not None:
+        yield Scan(FUSED, sight.time_ns, {}, {}), sight.look(params[FUSED])
+    for scan in scans:
+        stream = setup.streams[scan.stream]
+        if stream.kind != MAPS:
+            polar, sensor = stream.kind == "range_bearing", setup.sensors[stream.nodes[0]]
+            yield scan, look(params[scan.stream], scan, polar, sensor)
+
+
+def recognise(
+    chain: Chain, sight: Sight | None, label: Array, where: Array, alive: Array, classes: Classes
+) -> Classes:
+    """The classes of the labels ``alive``, after targets with ``label`` were found at ``where``.
+
+    What was not followed to there is looked at where it is.
+    """
+    if chain.identify is None:
+        return {}
+    known = dict(classes)
+    if sight is not None:
+        known |= sight.classes
+        new = ~np.isin(label, list(sight.classes))
+        if new.any():
+            p = _logs(chain.identify(sight.time_ns, sight.soft, where[new]))
+            known |= zip(label[new].tolist(), p, strict=True)
+    living = {*alive.tolist(), *label.tolist()}
+    return {l: p for l, p in known.items() if l in living}
+
+
+def named(chain: Chain, objects: Objects, classes: Classes) -> Objects:
+    """The objects with their classes; of those that no map has shown, any class is as likely."""
+    if chain.identify is None:
+        return objects
+    even = np.full(len(CLASSES), -np.log(len(CLASSES)))
+    log_p = np.array([classes.get(l, even) for l in objects.label.tolist()])
+    p = np.exp(log_p.reshape(-1, len(CLASSES)))
+    p /= p.sum(1, keepdims=True)
+    return replace(objects, class_names=CLASSES, class_index=p.argmax(1), class_probability=p)
+
+
+def _logs(p: Array) -> Array:
+    return np.log(np.maximum(p, LEAST))

@@ -1,0 +1,67 @@
+"""Where targets are expected to appear: Gaussian components (w, m, P) of the state x y vx vy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ....models.records import Array
+
+Components = tuple[Array, Array, Array]
+"""Weights (B,), means (B, 4) and covariances (B, 4, 4)."""
+
+
+def none() -> Components:
+    """No births."""
+    return np.zeros(0), np.zeros((0, 4)), np.zeros((0, 4, 4))
+
+
+def join(a: Components, b: Components) -> Components:
+    """The components of both."""
+    return np.concatenate((a[0], b[0])), np.concatenate((a[1], b[1])), np.concatenate((a[2], b[2]))
+
+
+def static(components: Array) -> Components:
+    """The components (B, 9): weight, x y vx vy and their standard deviations."""
+    c = np.asarray(components, float).reshape(-1, 9)
+    return c[:, 0], c[:, 1:5], c[:, 5:, None] ** 2 * np.eye(4)
+
+
+def along_edge(
+    rate: float, edge: Array, count: int, across: float, velocity: Array, std_velocity: Array
+) -> Components:
+    """``rate`` targets in ``count`` equal components along the line ``edge`` (x0, y0, x1, y1).
+
+    Each spreads by its share of the length along the edge, so that neighbours overlap and their
+    sum is flat, and by ``across`` [m] at right angles to it.
+    """
+    start, stop = np.asarray(edge, float).reshape(2, 2)
+    length = np.hypot(*(stop - start))
+    u = (stop - start) / length
+    at = (np.arange(count) + 0.5) / count
+    m = np.hstack((start + at[:, None] * (stop - start), np.tile(velocity, (count, 1))))
+    v = np.array([-u[1], u[0]])
+    along = length / count
+    P = np.zeros((count, 4, 4))
+    P[:, :2, :2] = along**2 * np.outer(u, u) + across**2 * np.outer(v, v)
+    P[:, 2:, 2:] = np.diag(np.square(std_velocity))
+    return np.full(count, rate / count), m, P
+
+
+def at_detections(
+    rate: float, where: Array, R: Array, novelty: Array, std_velocity: Array, limit: int
+) -> Components:
+    """``rate`` targets at positions ``where`` (n, 2) with covariances R, shared by ``novelty``.
+
+    ``novelty`` (n,) is the probability that no known target made the detection; the ``limit``
+    most novel ones are used, and none gets more than its novelty. S. Reuter et al., "The labeled
+    multi-Bernoulli filter", IEEE Trans. Signal Process. 62 (2014) 3246-3260, eqs. 74-75.
+    """
+    best = np.sort(np.argsort(-novelty, kind="stable")[:limit])
+    best = best[novelty[best] > 0]
+    r = novelty[best]
+    w = np.minimum(r, rate * r / r.sum()) if len(r) else r
+    m = np.hstack((where[best], np.zeros((len(best), 2))))
+    P = np.zeros((len(best), 4, 4))
+    P[:, :2, :2] = R[best]
+    P[:, 2:, 2:] = np.diag(np.square(std_velocity))
+    return w, m, P

@@ -1,0 +1,55 @@
+"""Compiled twin in :mod:`echoset.estimators.points.kernels.bernoulli`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .....models.records import Array
+
+
+@njit(cache=True)
+def group(
+    track: Array, weight: Array, r: Array, m: Array, P: Array, visible: Array,
+    distance: float, existence: float,
+) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
+    """Unite like Bernoullis of a track, the weightiest first; see the definition."""
+    L, d = m.shape
+    leader = np.full(L, -1)
+    r_out, m_out, P_out, visible_out = r.copy(), m.copy(), P.copy(), visible.copy()
+    order = np.argsort(-weight, kind="mergesort")
+    near = np.empty(L, np.int64)
+    for at in range(L):
+        l = order[at]
+        if leader[l] >= 0:
+            continue
+        inverse = np.linalg.inv(P[l])
+        size = 0
+        for later in range(at, L):
+            j = order[later]
+            if leader[j] >= 0 or track[j] != track[l] or abs(r[j] - r[l]) > existence:
+                continue
+            d2 = 0.0
+            for a in range(d):
+                for b in range(d):
+                    d2 += (m[j, a] - m[l, a]) * inverse[a, b] * (m[j, b] - m[l, b])
+            if d2 <= distance or j == l:
+                leader[j] = l
+                near[size] = j
+                size += 1
+        total, mass = 0.0, 0.0
+        for j in near[:size]:
+            total += weight[j]
+            mass += weight[j] * r[j]
+        if size == 1 or mass == 0.0:
+            continue
+        m_out[l], P_out[l], visible_out[l] = 0.0, 0.0, 0.0
+        for j in near[:size]:
+            share = weight[j] * r[j] / mass
+            m_out[l] += share * m[j]
+            visible_out[l] += share * visible[j]
+        for j in near[:size]:
+            v = m[j] - m_out[l]
+            P_out[l] += weight[j] * r[j] / mass * (P[j] + np.outer(v, v))
+        r_out[l] = mass / total
+    return leader, r_out, m_out, P_out, visible_out

@@ -1,0 +1,55 @@
+"""Fixed-lag smoothing along the tracks of a multi-Bernoulli mixture.
+
+H. E. Rauch, F. Tung and C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems",
+AIAA Journal 3 (1965) 1445-1450.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....models.records import Array
+from .bernoulli import Bernoullis
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Epoch:
+    """The Bernoullis after the scans at ``time_ns``, how they came there: F, noise Q (dx, dx)."""
+
+    time_ns: int
+    local: Bernoullis
+    F: Array
+    Q: Array
+
+
+def smooth(epochs: Sequence[Epoch], index: Array) -> tuple[Array, Array, Array, Array]:
+    """The first of ``epochs`` as the Bernoullis ``index`` (n,) of the last one saw it.
+
+    A track that began later is followed straight back to where it would have come from.
+
+    Returns
+    -------
+    age (n,) [s] : of the tracks at the first epoch, negative for those that began later
+    r (n,) : the greatest existence since
+    m (n, dx), P (n, dx, dx) : the smoothed density
+    """
+    last = epochs[-1].local.take(index)
+    r, m, P = last.r, last.m, last.P
+    begin = np.full(len(index), epochs[-1].time_ns)
+    for now, after in zip(epochs[-2::-1], epochs[:0:-1], strict=True):
+        index = np.append(after.local.origin, -1)[index]
+        F, back = after.F, np.linalg.inv(after.F)
+        m_all, P_all = m @ back.T, back @ (P + after.Q) @ back.T
+        here = np.flatnonzero(index >= 0)
+        a = now.local.take(index[here])
+        predicted = F @ a.P @ F.T + after.Q
+        gain = np.linalg.solve(predicted, F @ a.P).swapaxes(1, 2)
+        m_all[here] = a.m + (gain @ (m[here] - a.m @ F.T)[..., None])[..., 0]
+        P_all[here] = a.P + gain @ (P[here] - predicted) @ gain.swapaxes(1, 2)
+        m, P = m_all, (P_all + P_all.swapaxes(1, 2)) / 2
+        r[here] = np.maximum(r[here], a.r)
+        begin[here] = now.time_ns
+    return (epochs[0].time_ns - begin) / 1e9, r, m, P

@@ -1,0 +1,98 @@
+"""Poses of sensors as a mapping gives them: at rest, or from a table over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ....models.errors import ParameterError
+from ....models.parameters import require, suggestion
+from ....models.records import Array, Sensor
+from .mapping import Tables
+from .table import Table
+from .units import quantity, turn
+
+_QUATERNION = ("qx", "qy", "qz", "qw")
+
+
+def sensor(spec: Any, kind: str, F: Array, S: Array, tables: Tables, where: str) -> Sensor:
+    """The sensor at the pose ``spec``.
+
+    ``F`` (3, 3) leads from the log's frame to the map, ``S`` from what the log calls the sensor's
+    axes to those of a recording (see :func:`echoset.formats.importers.csv.units.axes`).
+    """
+    if isinstance(spec, Mapping) and "file" in spec:
+        optional = ("z", "yaw", *_QUATERNION)
+        return _moving(tables.read(spec, ("time", "x", "y"), optional, where), kind, F, S)
+    yaw = np.zeros(1)
+    if isinstance(spec, Mapping):
+        for key in spec:
+            if key not in ("position", "yaw"):
+                hint = suggestion(str(key), ("position", "yaw", "file"))
+                raise ParameterError(f"{where}: unknown key {key!r}{hint}")
+        yaw[0] = quantity(spec.get("yaw", 0.0), "yaw", f"{where}.yaw")
+        spec = spec.get("position", [0.0, 0.0])
+    ok = isinstance(spec, list | tuple) and len(spec) in (2, 3)
+    require(ok, where, "a position [x, y] or [x, y, z]", spec)
+    values = [quantity(v, axis, where) for v, axis in zip(spec, "xyz", strict=False)]
+    p = _position(F, *(np.array([v]) for v in values))
+    return Sensor(kind, np.zeros(1, np.int64), p, _turned(_about_z(yaw), F, S))
+
+
+def anchors(spec: Mapping[str, Any], F: Array, tables: Tables) -> dict[str, Sensor]:
+    """The anchors by id, from the mapping or from a table of them."""
+    if isinstance(spec.get("file"), str):
+        table = tables.read(spec, ("id", "x", "y"), ("z",), "anchors")
+        ids = list(table.text("id"))
+        for i, name in enumerate(ids):
+            if name in ids[:i]:
+                table.fail("id")(i, f"{name!r} occurs twice")
+        p = _position(F, *(table.values(axis) for axis in "xyz" if axis in table))
+        return {name: Sensor.static("anchor", p[i]) for i, name in enumerate(ids)}
+    return {
+        str(name): sensor(pose, "anchor", F, F, tables, f"anchors.{name}")
+        for name, pose in spec.items()
+    }
+
+
+def _moving(table: Table, kind: str, F: Array, S: Array) -> Sensor:
+    time = table.time()
+    order = np.argsort(time, kind="stable")
+    again = np.zeros(len(time), bool)
+    again[order[1:]] = np.diff(time[order]) == 0
+    table.none("time", again, "is the time of another pose")
+    p = _position(F, *(table.values(axis) for axis in "xyz" if axis in table))
+    if any(key in table for key in _QUATERNION):
+        if "yaw" in table or not all(key in table for key in _QUATERNION):
+            raise ParameterError("poses need yaw or all of qx qy qz qw")
+        q = np.column_stack([table.values(key) for key in _QUATERNION])
+        norm = np.linalg.norm(q, axis=1)
+        table.none("qw", np.abs(norm - 1) > 1e-3, "belongs to a quaternion of norm other than 1")
+        q = q / norm[:, None]
+    else:
+        q = _about_z(table.values("yaw") if "yaw" in table else np.zeros(len(time)))
+    return Sensor(kind, time[order], p[order], _turned(q, F, S)[order])
+
+
+def _position(F: Array, x: Array, y: Array, z: Array | None = None) -> Array:
+    e, n = turn(F, x, y)
+    return np.column_stack([e, n, np.zeros_like(x) if z is None else F[2, 2] * z])
+
+
+def _about_z(yaw: Array) -> Array:
+    zero = np.zeros_like(yaw)
+    return np.column_stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)])
+
+
+def _turned(q: Array, F: Array, S: Array) -> Array:
+    """Quaternions (k, 4) of the rotations F R S^T, exactly those of R where F = S = 1."""
+    if np.array_equal(F, S) and np.array_equal(F, np.eye(3)):
+        return q
+    from scipy.spatial.transform import Rotation
+
+    if np.linalg.det(F) * np.linalg.det(S) < 0:
+        raise ParameterError("frame and sensor_frame: one is right-handed, the other is not")
+    R = F @ Rotation.from_quat(q).as_matrix() @ S.T
+    return np.asarray(Rotation.from_matrix(R).as_quat(canonical=True))

@@ -1,0 +1,85 @@
+"""Tables of radar points as the scans of streams."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ....models.errors import ParameterError
+from ....models.records import Array, Sensor, Stream, Truth
+from ..rows import assemble, pad
+from .mapping import MEASUREMENT, Layout, Tables
+from .poses import sensor
+from .table import Table
+from .units import axes, turn
+
+Parts = tuple[dict[str, Sensor], dict[str, Stream]]
+
+
+def radar(layout: Layout, table: Table, F: Array, tables: Tables, truth: Truth | None) -> Parts:
+    """The radars and their streams of the points in ``table``."""
+    S = axes(layout.sensor_frame, "sensor_frame") if layout.sensor_frame else F
+    sensors = {
+        str(name): sensor(pose, "radar", F, S, tables, f"sensors.{name}")
+        for name, pose in layout.sensors.items()
+    }
+    names = tuple(sensors)
+    parts = [table]
+    if layout.scans is not None:
+        if "scan" in table:
+            raise ParameterError("mapping: give either scans or the column 'scan'")
+        parts.append(tables.read(layout.scans, ("time",), ("sensor",), "scans"))
+    for part in parts:
+        if len(names) > 1 and "sensor" not in part:
+            raise ParameterError("mapping: several sensors need the column 'sensor'")
+    which = np.concatenate(
+        [p.index("sensor", names) if "sensor" in p else np.zeros(len(p), np.int32) for p in parts]
+    )
+    time = np.concatenate([part.time() for part in parts])
+    main = [key for key in (*MEASUREMENT[layout.kind], "z") if key in table]
+    others = [key for key in table.fields if key not in (*main, "time", "scan", "sensor")]
+    rows, detected = pad(*table.detections(main, others), len(time) - len(table))
+    _to_sensor_frame(rows, S)
+    keys: dict[str, Array] = {}
+    if "scan" in table:
+        keys["scan"] = _scan(table, which)
+        start = np.full(keys["scan"].max(initial=-1) + 1, np.iinfo(np.int64).max)
+        np.minimum.at(start, keys["scan"], time)
+        time, late = start[keys["scan"]], time - start[keys["scan"]]
+        if late.any() and "time_offset" not in rows:
+            rows["time_offset"] = late * 1e-9
+    streams = {}
+    for i, name in enumerate(names):
+        own = which == i
+        key, row = ({k: v[own] for k, v in columns.items()} for columns in (keys, rows))
+        stream = assemble(layout.kind, (name,), layout.model, time[own], key, row, detected[own])
+        streams[name] = replace(stream, scan={})
+    return sensors, streams
+
+
+def _to_sensor_frame(rows: dict[str, Array], S: Array) -> None:
+    """Turn measurements along the axes ``S`` of the log into the sensor frame, in place."""
+    if "x" in rows:
+        rows["x"], rows["y"] = turn(S, rows["x"], rows["y"])
+    if "azimuth" in rows:
+        sense = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0]
+        angle = np.arctan2(S[1, 0], S[0, 0]) + sense * rows["azimuth"]
+        wrapped = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
+        rows["azimuth"] = np.where(np.abs(angle) > np.pi, wrapped, angle)
+    for key in ("z", "elevation"):
+        if key in rows:
+            rows[key] = S[2, 2] * rows[key]
+
+
+def _scan(table: Table, which: Array) -> Array:
+    """Number of the scan of every row, counted over all sensors."""
+    known: dict[tuple[int, str], int] = {}
+    last: dict[int, int] = {}
+    number = np.zeros(len(table), np.int64)
+    for i, key in enumerate(zip(which.tolist(), table.text("scan"), strict=True)):
+        k = number[i] = known.setdefault(key, len(known))
+        if last.setdefault(key[0], k) > k:
+            table.fail("scan")(i, f"scan {key[1]!r} comes back: the rows of a scan stand together")
+        last[key[0]] = k
+    return number

@@ -1,0 +1,67 @@
+"""Tables of UWB ranges as the link events of a stream."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ....models.columns import ACTIVE, PASSIVE
+from ....models.errors import ParameterError
+from ....models.records import Array, Sensor, Stream, Truth
+from ..rows import assemble, pad
+from .mapping import Layout, Tables
+from .poses import anchors
+from .table import Table
+
+Parts = tuple[dict[str, Sensor], dict[str, Stream]]
+
+
+def uwb(layout: Layout, table: Table, F: Array, tables: Tables, truth: Truth | None) -> Parts:
+    """The nodes and the stream of the link events in ``table``."""
+    fixed = anchors(layout.anchors, F, tables)
+    if not fixed:
+        raise ParameterError("mapping: anchors are missing")
+    links = ("anchor", "device", "tx", "rx")
+    parts = [table]
+    if layout.scans is not None:
+        parts.append(tables.read(layout.scans, ("time",), links, "scans"))
+    devices = dict(layout.devices)
+    for part in parts:
+        if "anchor" in part and "device" in part:
+            devices |= {d: -1 for d in sorted(set(part.text("device"))) if d not in devices}
+        elif "anchor" in part and not devices:
+            devices["device"] = -1
+    carried = truth is not None and "device_x" in truth.objects.state_names
+    if carried and len(devices) == 1 and not layout.devices:
+        devices = dict.fromkeys(devices, 0)
+    for name in devices:
+        if name in fixed:
+            raise ParameterError(f"mapping: {name!r} is an anchor and a device")
+    sensors = {name: Sensor.device(label) for name, label in devices.items()} | fixed
+    nodes = tuple(sensors)
+    ends = [_ends(part, nodes, len(devices)) for part in parts]
+    tx, rx = (np.concatenate(column) for column in zip(*ends, strict=True))
+    others = [key for key in ("amplitude", "std") if key in table]
+    rows, detected = pad(*table.detections(["distance"], others), len(tx) - len(table))
+    mode = np.where(tx < len(devices), ACTIVE, PASSIVE).astype(np.uint8)
+    time = np.concatenate([part.time() for part in parts])
+    keys = {"mode": mode, "rx": rx, "tx": tx}
+    stream = assemble("uwb", nodes, layout.model, time, keys, rows, detected)
+    return sensors, {"uwb": stream}
+
+
+def _ends(table: Table, nodes: tuple[str, ...], n_devices: int) -> tuple[Array, Array]:
+    """Indices of transmitter and receiver of every row."""
+    given = [key for key in ("anchor", "device", "tx", "rx") if key in table]
+    if given not in (["anchor"], ["anchor", "device"], ["tx", "rx"]):
+        name = table.file.path.name
+        raise ParameterError(f"{name}: columns need either anchor (and device), or tx and rx")
+    if "anchor" in table:
+        rx = table.index("anchor", nodes[n_devices:]) + np.int32(n_devices)
+        if "device" in table:
+            return table.index("device", nodes[:n_devices]), rx
+        if n_devices > 1:
+            raise ParameterError("mapping: several devices need the column 'device'")
+        return np.zeros(len(table), np.int32), rx
+    tx, rx = table.index("tx", nodes), table.index("rx", nodes)
+    table.none("rx", rx < n_devices, "receives, yet is no anchor")
+    return tx, rx

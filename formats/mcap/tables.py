@@ -1,0 +1,242 @@
+"""The growing parts of a record as tables of MCAP messages: one message per scan or step.
+
+A table knows its topic, which leaves of the tree (see :mod:`.layout`) have one value per message
+and which have one per row, and how a message is encoded: JSON for link events and objects,
+``foxglove.PointCloud`` for detections, ``foxglove.Grid`` for maps. Time is the message's
+``log_time``. Fields that viewers need besides are derived when writing and ignored when reading.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from foxglove_schemas_protobuf.Grid_pb2 import Grid
+from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from google.protobuf.message import Message
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from ...models.columns import MODES
+
+Array = np.ndarray[Any, Any]
+ColumnType = tuple[str, tuple[int, ...]]
+"""Type and shape of one value of a column."""
+
+MAP = "map"
+_POINT_TYPES: Any = {"u1": 1, "i1": 2, "u2": 3, "i2": 4, "u4": 5, "i4": 6, "f4": 7, "f8": 8}
+"""Numbers of ``foxglove.PackedElementField``'s types."""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """One topic: its schema, the paths of its leaves by column name, and the types by path.
+
+    ``group`` holds ``time_ns`` and, if ``ragged``, ``row_offset``. A table that is not ``primary``
+    brings scan columns for the message of the primary one of its group that follows.
+    """
+
+    group: str
+    topic: str
+    schema: str
+    scan: Mapping[str, str]
+    rows: Mapping[str, str]
+    types: Mapping[str, ColumnType]
+    nodes: tuple[str, ...] = ()
+    ragged: bool = True
+    primary: bool = True
+
+    def encode(self, scan: Mapping[str, Any], rows: Mapping[str, Array], time_ns: int) -> bytes:
+        """The message of one scan: values by scan column, arrays by row column."""
+        if self.schema == "foxglove.PointCloud":
+            return _encode_points(rows, self.nodes[0], time_ns)
+        if self.schema == "foxglove.Grid":
+            return _encode_grid(scan[MAP], self.nodes[0], time_ns)
+        message: dict[str, Any] = {"stamp": {"sec": time_ns // 10**9, "nsec": time_ns % 10**9}}
+        for name, value in scan.items():
+            message[name] = self._to_json(name, value)
+        for name, values in rows.items():
+            message[name] = _lossless(values)
+        return json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
+
+    def _to_json(self, name: str, value: Any) -> Any:
+        if name == "mode":
+            return MODES[value]
+        if name in ("tx", "rx") and self.nodes:
+            return self.nodes[value]
+        return _lossless(np.asarray(value))
+
+    def decode(self, data: bytes) -> tuple[dict[str, Any], dict[str, Array], int]:
+        """Scan values, row arrays and the number of rows of one message.
+
+        Raises
+        ------
+        ValueError, KeyError, DecodeError : the message is not one of this table
+        """
+        if self.schema == "foxglove.PointCloud":
+            return {}, *self._decode_points(data)
+        if self.schema == "foxglove.Grid":
+            return {MAP: self._decode_grid(data)}, {}, 0
+        message = json.loads(data)
+        scan = {name: self._from_json(name, message[name]) for name in self.scan}
+        rows = {name: self._array(name, message[name]) for name in self.rows}
+        counts = {len(values) for values in rows.values()} or {0}
+        if len(counts) != 1:
+            raise ValueError("columns of differing length")
+        return scan, rows, counts.pop()
+
+    def _from_json(self, name: str, value: Any) -> Any:
+        if name == "mode":
+            value = MODES.index(value)
+        elif name in ("tx", "rx") and self.nodes:
+            value = self.nodes.index(value)
+        dtype, tail = self.types[self.scan[name]]
+        return np.array(value, dtype).reshape(tail)[()]
+
+    def _array(self, name: str, values: Any) -> Array:
+        dtype, tail = self.types[self.rows[name]]
+        return np.array(values, dtype).reshape(len(values), *tail)
+
+    def _decode_points(self, data: bytes) -> tuple[dict[str, Array], int]:
+        cloud = PointCloud()
+        cloud.ParseFromString(data)
+        fields = {f.name: f for f in cloud.fields}
+        rows = {}
+        for name in self.rows:
+            dtype = np.dtype(self.types[self.rows[name]][0])
+            at = fields[name]
+            if at.type != _POINT_TYPES[dtype.str[1:]]:
+                raise ValueError(f"field {name} is not {dtype}")
+            points = np.dtype(
+                {
+                    "names": [name],
+                    "formats": [dtype],
+                    "offsets": [at.offset],
+                    "itemsize": cloud.point_stride,
+                }
+            )
+            rows[name] = np.frombuffer(cloud.data, points)[name].copy()
+        return rows, len(cloud.data) // cloud.point_stride
+
+    def _decode_grid(self, data: bytes) -> Array:
+        grid = Grid()
+        grid.ParseFromString(data)
+        dtype, tail = self.types[self.scan[MAP]]
+        return np.frombuffer(grid.data, dtype).reshape(tail)
+
+
+def _lossless(values: Array) -> Any:
+    """Nested lists; a column in which NaN stands for what is missing has null there."""
+    if values.dtype.kind == "f" and np.isnan(values).any():
+        return [None if math.isnan(v) else v for v in values.ravel().tolist()]
+    return values.tolist()
+
+
+def timestamp(time_ns: int) -> Timestamp:
+    """A protobuf time stamp."""
+    return Timestamp(seconds=time_ns // 10**9, nanos=time_ns % 10**9)
+
+
+def _encode_points(rows: Mapping[str, Array], frame: str, time_ns: int) -> bytes:
+    columns = dict(rows)
+    if "range" in rows:
+        elevation = rows.get("elevation", np.zeros_like(rows["range"]))
+        ground = rows["range"] * np.cos(elevation)
+        columns["x"] = (ground * np.cos(rows["azimuth"])).astype("f4")
+        columns["y"] = (ground * np.sin(rows["azimuth"])).astype("f4")
+        columns["z"] = (rows["range"] * np.sin(elevation)).astype("f4")
+    columns.setdefault("z", np.zeros(len(columns["x"]), "f4"))
+    return point_cloud(columns, frame, time_ns)
+
+
+def point_cloud(columns: Mapping[str, Array], frame: str, time_ns: int) -> bytes:
+    """A ``foxglove.PointCloud`` with these fields, all of one length."""
+    packed = np.dtype([(name, values.dtype.str) for name, values in columns.items()])
+    points = np.empty(len(columns["x"]), packed)
+    for name, values in columns.items():
+        points[name] = values
+    cloud = PointCloud(
+        timestamp=timestamp(time_ns),
+        frame_id=frame,
+        point_stride=packed.itemsize,
+        data=points.tobytes(),
+    )
+    cloud.pose.orientation.w = 1.0
+    for name, (dtype, offset, *_) in (packed.fields or {}).items():
+        cloud.fields.append(
+            PackedElementField(name=name, offset=offset, type=_POINT_TYPES[dtype.str[1:]])
+        )
+    return serialize(cloud)
+
+
+def _encode_grid(power: Array, frame: str, time_ns: int) -> bytes:
+    columns = power.shape[1]
+    grid = Grid(
+        timestamp=timestamp(time_ns),
+        frame_id=frame,
+        column_count=columns,
+        row_stride=4 * columns,
+        cell_stride=4,
+        fields=[PackedElementField(name="power", offset=0, type=_POINT_TYPES["f4"])],
+        data=np.ascontiguousarray(power, "<f4").tobytes(),
+    )
+    grid.pose.orientation.w = grid.cell_size.x = grid.cell_size.y = 1.0
+    return serialize(grid)
+
+
+def serialize(message: Message) -> bytes:
+    """Protobuf bytes that do not depend on hash order."""
+    return bytes(message.SerializeToString(deterministic=True))
+
+
+def column_types(leaves: Mapping[str, Array]) -> dict[str, ColumnType]:
+    """Type and value shape of the columns at the paths of ``leaves``."""
+    return {p: (a.dtype.str.lstrip("<|"), a.shape[1:]) for p, a in leaves.items()}
+
+
+def tables(header: Mapping[str, Any], types: Mapping[str, ColumnType]) -> list[Table]:
+    """The tables of the record with the small leaves ``header`` and growing leaves ``types``."""
+    found: list[Table] = []
+    for name, stream in header.get("streams", {}).items():
+        group, nodes = f"streams/{name}", tuple(stream["nodes"])
+        scan, rows = _columns(types, f"{group}/scan/"), _columns(types, f"{group}/rows/")
+        if stream["kind"] == "uwb":
+            topic = "/uwb/measurements" if name == "uwb" else f"/uwb/{name}/measurements"
+            found.append(Table(group, topic, "echoset.UwbMeasurement", scan, rows, types, nodes))
+            continue
+        topic = f"/radar/{name}"
+        maps = {c: scan.pop(c) for c in (MAP,) if c in scan}
+        if scan:
+            table = Table(group, f"{topic}/scan", "echoset.Scan", scan, {}, types, nodes)
+            found.append(replace(table, primary=False))
+        if stream["kind"] == "range_angle_map":
+            found.append(
+                Table(group, f"{topic}/range_angle", "foxglove.Grid", maps, rows, types, nodes)
+            )
+        else:
+            found.append(
+                Table(group, f"{topic}/detections", "foxglove.PointCloud", {}, rows, types, nodes)
+            )
+    if "truth" in header:
+        rows = _columns(types, "truth/objects/")
+        found.append(Table("truth/objects", "/truth/objects", "echoset.ObjectSet", {}, rows, types))
+        links = _columns(types, "truth/blocked/")
+        table = Table("truth/blocked", "/truth/blocked", "echoset.BlockedLink", links, {}, types)
+        found.append(replace(table, ragged=False))
+    if header["kind"] == "estimates":
+        topic = f"/estimates/{header['estimator']}/objects"
+        steps, rows = _columns(types, "steps/"), _columns(types, "objects/")
+        if not steps.keys().isdisjoint(rows):
+            raise ValueError("a diagnostic has the name of a column of objects")
+        found.append(Table("objects", topic, "echoset.ObjectSet", steps, rows, types))
+    return found
+
+
+def _columns(types: Mapping[str, ColumnType], start: str) -> dict[str, str]:
+    """Paths of the columns below ``start`` by name, the index columns left out."""
+    paths = {p[len(start) :]: p for p in types if p.startswith(start)}
+    return {n: p for n, p in paths.items() if n not in ("time_ns", "row_offset")}

@@ -1,0 +1,89 @@
+"""Paths of one UWB link and their gradients in the state of the ideal scattering model.
+
+The state is y = (p_x, p_y, v_x, v_y, b_rho, b_phi, a, b, w): centre and velocity of an ellipse that
+does not rotate, offset of the device in polar coordinates, semi-axes along x and y, and depth of
+the sector of scatterers. Quadrature points take the place of the scatterers, which are uniform in
+parametric angle and depth. Equations as in Zhu et al., Multi-sensor fusion of active and passive
+measurements for extended object tracking, 2025.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from ...models.records import Array
+from ...models.scatter import bearing, sector
+from ...models.uwb import device_position
+
+STATE = ("x", "y", "vx", "vy", "b_rho", "b_phi", "a", "b", "w")
+_ANGLES, _DEPTHS = 64, 16
+
+
+@cache
+def nodes() -> tuple[Array, Array, Array]:
+    """Gauss-Legendre nodes in angle and depth, both in [0, 1], with their weights (K,).
+
+    So many that the bound of ``uwb-olos`` does not change in the fourth digit: near an anchor the
+    paths of neighbours must differ by less than the noise.
+    """
+    (u, wu), (t, wt) = (np.polynomial.legendre.leggauss(n) for n in (_ANGLES, _DEPTHS))
+    angle, depth = np.meshgrid((u + 1) / 2, (t + 1) / 2, indexing="ij")
+    return angle.ravel(), depth.ravel(), np.outer(wu, wt).ravel() / 4
+
+
+def scatterers(y: Array, anchor: Array, opening: float) -> tuple[Array, Array]:
+    """Quadrature points (K, 2) of the sector that faces ``anchor`` (2,), and gradients (K, 2, 9).
+
+    The points are those of :func:`echoset.models.scatter.sector`.
+    """
+    p, axes, w = y[:2], y[6:8], y[8]
+    u, t, _ = nodes()
+    theta = bearing(p, anchor) + opening * (u - 0.5)
+    q = sector(u, t, p, anchor, axes, w, opening)
+    cos, sin = np.cos(theta), np.sin(theta)
+    rim, turn = np.stack([cos, sin], -1) * axes, np.stack([-sin, cos], -1) * axes
+    d = anchor - p
+    phi_p = np.array([d[1], -d[0]]) / (d @ d)
+    shrink = (1 - 2 * t * w / axes.sum())[:, None]
+    G = np.zeros((len(u), 2, len(STATE)))
+    G[:, :, :2] = np.eye(2) + (shrink * turn)[:, :, None] * phi_p
+    G[:, :, 6:8] = ((2 * t * w / axes.sum() ** 2)[:, None] * rim)[:, :, None]
+    G[:, 0, 6] += shrink[:, 0] * cos
+    G[:, 1, 7] += shrink[:, 0] * sin
+    G[:, :, 8] = (-2 * t / axes.sum())[:, None] * rim
+    return q, G
+
+
+def device(y: Array) -> tuple[Array, Array]:
+    """Position (2,) of the device (eq. 3) and its gradient (2, 9)."""
+    rho, phi = y[4:6]
+    along, across = np.array([np.cos(phi), np.sin(phi)]), np.array([-np.sin(phi), np.cos(phi)])
+    G = np.zeros((2, len(STATE)))
+    G[:, :2], G[:, 4], G[:, 5] = np.eye(2), along, rho * across
+    return device_position(y[:2], rho, phi), G
+
+
+def distance(q: Array, q_y: Array, r: Array, r_y: Array) -> tuple[Array, Array]:
+    """Distances (...) between points q and r (..., 2), and gradients (..., 9)."""
+    delta = q - r
+    d = np.linalg.norm(delta, axis=-1)
+    return d, np.einsum("...i,...ij->...j", delta / d[..., None], q_y - r_y)
+
+
+def scattered(y: Array, tx: Array | None, rx: Array, opening: float) -> tuple[Array, Array]:
+    """Lengths (K,) of the paths tx -> scatterer -> rx and gradients (K, 9); tx None: the device."""
+    q, q_y = scatterers(y, rx, opening)
+    still = np.zeros((2, len(STATE)))
+    sender, sender_y = device(y) if tx is None else (tx, still)
+    there, there_y = distance(q, q_y, sender, sender_y)
+    back, back_y = distance(q, q_y, rx, still)
+    return there + back, there_y + back_y
+
+
+def direct(y: Array, rx: Array) -> tuple[Array, Array]:
+    """Length (1,) of the path device -> rx and its gradient (1, 9)."""
+    m, m_y = device(y)
+    d, d_y = distance(m[None], m_y[None], rx, np.zeros((2, len(STATE))))
+    return d, d_y

@@ -1,0 +1,228 @@
+"""Posterior Cramér-Rao bound of the ideal scattering model, for the device and the centre.
+
+A link's measurements are a Poisson process of clutter, line of sight and scatter
+(:mod:`.information`), taken at the true state (:mod:`.paths`); the amplitude of a path enters as
+its known noise ``sigma_d = c / (sqrt(8) pi beta_bw u)`` with u inversely proportional to the length
+of the path. Transitions and prior are those of the filter. ``pcrlb`` counts the links that
+delivered an event, ``pcrlb-star`` (:mod:`.pcrlb_star`) the blocked ones as well.
+
+The bound belongs to no estimator: that column is empty. ``<name>-valid`` is 1 while the standard
+deviation of b_phi is at most 1 rad and the linearised bound on the device holds, otherwise 0; the
+centre is linear in the state and always valid. The prior holds at the first event.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ...models.columns import ACTIVE
+from ...models.errors import InputError
+from ...models.motion import constant_velocity
+from ...models.parameters import parameter, require
+from ...models.records import Array, Estimates, Recording, Scores, Stream
+from ...models.uwb import free_space_amplitude, range_std
+from ..kit.alignment import Window, interpolate, seconds
+from ..kit.table import concatenate, rows
+from . import paths
+from .information import covariance_bounds, information
+
+Point = tuple[float, float]
+
+SUMMARY = "posterior Cramér-Rao bound on the device and the centre, blocked links without events"
+PARTS = ("device", "centre")
+STREAMS = ("uwb",)
+FOR_SETS = False
+QUADRATIC = ("pcrlb",)
+
+
+@dataclass(frozen=True, slots=True)
+class Params(Window):
+    """The filter's model: measurements, transitions, prior."""
+
+    mean_scatter: float = parameter(5.0, "1", "mean number of scatter measurements of a link")
+    mean_clutter: float = parameter(5.0, "1", "mean number of clutter measurements of a link")
+    mean_los: float = parameter(1.0, "1", "mean number of line-of-sight measurements of a link")
+    max_range: float = parameter(20.0, "m", "clutter is uniform up to this range")
+    rms_bandwidth: float = parameter(500e6 / 12**0.5, "Hz", "root mean square bandwidth")
+    snr_db: float = parameter(30.0, "dB", "signal-to-noise ratio of a path of one metre")
+    opening_angle: float = parameter(2 * np.pi / 3, "rad", "opening angle of the sector")
+    width: float = parameter(0.1, "m", "true depth of the scattering sector")
+    std_acceleration: float = parameter(2.0, "m s-2", "white acceleration")
+    std_bias_distance: float = parameter(0.1, "m", "random walk of b_rho per step")
+    std_bias_angle: float = parameter(0.5, "rad", "random walk of b_phi per step")
+    std_axes: float = parameter(0.05, "m", "random walk of a and b per step")
+    std_depth: float = parameter(0.05, "m", "random walk of w per step")
+    prior_velocity: float = parameter(1.0, "m s-1", "standard deviation of v at first")
+    prior_bias_distance: float = parameter(0.6, "m", "b_rho at first: uniform from 0 to this")
+    prior_axes: tuple[float, float] = parameter((0.1, 0.5), "m", "a and b at first: uniform")
+    prior_depth: tuple[float, float] = parameter((0.01, 0.2), "m", "w at first: uniform")
+
+    def __post_init__(self) -> None:
+        Window.__post_init__(self)
+        for name in ("mean_scatter", "mean_clutter", "mean_los"):
+            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
+        for name in _POSITIVE:
+            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
+        for name in ("prior_axes", "prior_depth"):
+            low, high = getattr(self, name)
+            require(0 <= low < high, name, "a range above 0", getattr(self, name))
+
+
+_POSITIVE = (
+    "max_range",
+    "rms_bandwidth",
+    "opening_angle",
+    "width",
+    "std_acceleration",
+    "std_bias_distance",
+    "std_bias_angle",
+    "std_axes",
+    "std_depth",
+    "prior_velocity",
+    "prior_bias_distance",
+)
+
+
+def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
+    """The bound [m] per step and its root mean square, for device and centre, and its validity.
+
+    Raises
+    ------
+    InputError : no UWB events, or the truth lacks device, centre or ellipse at an event
+    """
+    return bounds(recording, params, "pcrlb", blocked=False)
+
+
+def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Scores:
+    """The scores called ``name`` of the links with events, and of the ``blocked`` ones if asked."""
+    stream = _stream(recording)
+    time_ns, tx, rx = _links(stream, recording, blocked)
+    steps, step = np.unique(time_ns, return_inverse=True)
+    states = true_states(recording, steps, params)
+    anchors = {
+        i: tuple(recording.sensors[n].position[0, :2].tolist())
+        for i, n in enumerate(stream.nodes)
+        if recording.sensors[n].kind == "anchor"
+    }
+    J_z = np.zeros((len(steps), len(paths.STATE), len(paths.STATE)))
+    for k, i, j in zip(step.tolist(), tx.tolist(), rx.tolist(), strict=True):
+        J_z[k] += link_information(tuple(states[k].tolist()), anchors.get(i), anchors[j], params)
+    F, Q = transitions(np.diff(seconds(steps), prepend=seconds(steps[:1])), params)
+    P = covariance_bounds(prior(np.array(list(anchors.values())), params), F, Q, J_z)
+    inside = params.contains(steps)
+    if not inside.any():
+        raise InputError(f"{recording.meta.name}: no event is within the time to be scored")
+    time, tables = seconds(steps)[inside], []
+    G = {
+        "device": np.stack([paths.device(y)[1] for y in states]),
+        "centre": np.eye(2, len(paths.STATE)),
+    }
+    for part, g in G.items():
+        bound = np.sqrt(np.trace(g @ P @ np.swapaxes(g, -1, -2), axis1=1, axis2=2))[inside]
+        key = recording.meta.name, "", name, part
+        tables += [
+            rows(key, time, bound),
+            rows(key, np.nan, np.sqrt(np.mean(bound**2)), len(bound)),
+        ]
+    valid = (P[:, 5, 5] <= 1.0)[inside]
+    key = recording.meta.name, "", f"{name}-valid", "device"
+    tables += [rows(key, time, valid), rows(key, np.nan, valid.mean(), len(valid))]
+    return concatenate(tables)
+
+
+def _stream(recording: Recording) -> Stream:
+    streams = [s for s in recording.streams.values() if s.kind == "uwb" and len(s)]
+    if len(streams) != 1:
+        raise InputError(
+            f"{recording.meta.name}: has {len(streams)} streams of UWB events, not one"
+        )
+    return streams[0]
+
+
+def _links(stream: Stream, recording: Recording, blocked: bool) -> tuple[Array, Array, Array]:
+    """Time, sender and receiver of the links that count; the sender is -1 for the device."""
+    scan = stream.scan
+    active = scan["mode"] == ACTIVE
+    if len(np.unique(scan["tx"][active])) > 1:
+        raise InputError(f"{recording.meta.name}: the bound is for one device, there are several")
+    tx = np.where(active, -1, scan["tx"])
+    time_ns, rx = stream.time_ns, scan["rx"]
+    if blocked and recording.truth is not None:
+        more = recording.truth
+        time_ns = np.concatenate([time_ns, more.blocked_time_ns])
+        tx = np.concatenate([tx, np.full(len(more.blocked_tx), -1)])
+        rx = np.concatenate([rx, more.blocked_rx])
+    return time_ns, tx, rx
+
+
+def true_states(recording: Recording, time_ns: Array, params: Params) -> Array:
+    """The true states y (n, 9) at ``time_ns`` (n,)."""
+    truth, known = interpolate(recording, time_ns, params)
+    if not known.all():
+        t = seconds(time_ns)[~known][0]
+        raise InputError(
+            f"{recording.meta.name}: the bound needs truth at every event, none at {t} s"
+        )
+    if truth.semi_axes is None or truth.extent_kind not in ("circle", "ellipse"):
+        raise InputError(f"{recording.meta.name}: the bound needs an ellipse as true extent")
+    if truth.rotation is not None and truth.rotation.any():
+        raise InputError(f"{recording.meta.name}: the bound is for an ellipse along the axes")
+    try:
+        p, m = truth.columns("x", "y"), truth.columns("device_x", "device_y")
+    except KeyError as error:
+        raise InputError(f"{recording.meta.name}: truth: {error.args[0]}") from None
+    b = m - p
+    polar = np.stack([np.linalg.norm(b, axis=1), np.arctan2(b[:, 1], b[:, 0])], 1)
+    depth = np.full((len(p), 1), params.width)
+    return np.hstack([p, np.zeros_like(p), polar, truth.semi_axes[:, :2], depth])
+
+
+@lru_cache(maxsize=1 << 14)
+def link_information(
+    state: tuple[float, ...], tx: Point | None, rx: Point, params: Params
+) -> Array:
+    """Fisher information (9, 9) of the link from ``tx`` (None: the device) to ``rx``."""
+    y, anchor = np.array(state), np.array(rx)
+    sender = None if tx is None else np.array(tx)
+    length, gradient = paths.scattered(y, sender, anchor, params.opening_angle)
+    weight = params.mean_scatter * paths.nodes()[2]
+    if tx is None:
+        los, los_y = paths.direct(y, anchor)
+        length, gradient = np.concatenate([los, length]), np.concatenate([los_y, gradient])
+        weight = np.concatenate([[params.mean_los], weight])
+    std = range_std(free_space_amplitude(length, params.snr_db), params.rms_bandwidth)
+    return information(length, std, weight, gradient, params.mean_clutter / params.max_range)
+
+
+def prior(anchors: Array, params: Params) -> Array:
+    """The prior's covariance (9, 9): independent, p uniform over the box around ``anchors``."""
+    widths = [
+        *np.ptp(anchors, axis=0),
+        params.prior_bias_distance,
+        2 * np.pi,
+        *(2 * [np.ptp(params.prior_axes)]),
+        np.ptp(params.prior_depth),
+    ]
+    variance = np.square(widths) / 12
+    return np.diag(np.insert(variance, 2, 2 * [params.prior_velocity**2]))
+
+
+def transitions(dt: Array, params: Params) -> tuple[Array, Array]:
+    """F and Q (n, 9, 9) over ``dt`` (n,) [s]; a step of no length, the first, has no noise."""
+    F = np.tile(np.eye(len(paths.STATE)), (len(dt), 1, 1))
+    Q = np.zeros_like(F)
+    for n, step in enumerate(dt.tolist()):
+        F[n, :4, :4], gain = constant_velocity(step)
+        Q[n, :4, :4] = params.std_acceleration**2 * gain @ gain.T
+    walks = (
+        params.std_bias_distance,
+        params.std_bias_angle,
+        params.std_axes,
+        params.std_axes,
+        params.std_depth,
+    )
+    Q[:, range(4, 9), range(4, 9)] = np.where(dt[:, None] > 0, np.square(walks), 0.0)
+    return F, Q

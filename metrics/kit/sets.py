@@ -1,0 +1,131 @@
+"""Estimated and true objects at the same times, as sets.
+
+At a time between two of the truth, those objects are there that stand in both, interpolated
+linearly. A step is left out, and counted, where the truth is not known: before its first time,
+after its last, or between two that are more than ``max_gap`` apart. An empty set is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...models.errors import InputError
+from ...models.records import Estimates, Objects, Recording
+from .alignment import Span, blend, bracket, seconds, take
+from .assignment import Near, near
+from .errors import axes
+
+Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sets:
+    """The scored steps at ``time`` (n,) [s]: what was there and what was estimated.
+
+    ``steps`` (n,) are their indices among those of the estimates. ``truth`` and ``estimate`` have
+    n steps; ``position_truth`` (a, d) and ``position_estimate`` (b, d) [m] are the positions of
+    their rows; ``left_out`` counts steps without truth.
+    """
+
+    time: Array
+    steps: Array
+    truth: Objects
+    estimate: Objects
+    position_truth: Array
+    position_estimate: Array
+    left_out: int
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def counts(self) -> tuple[Array, Array]:
+        """Numbers of true and of estimated objects at each step, (n,) each."""
+        return np.diff(self.truth.row_offset), np.diff(self.estimate.row_offset)
+
+    def near(self, cutoff: float) -> Near:
+        """All pairs of a true (first) and an estimated object (second) below ``cutoff`` [m]."""
+        offsets = self.truth.row_offset, self.estimate.row_offset
+        return near(self.position_truth, offsets[0], self.position_estimate, offsets[1], cutoff)
+
+
+def sets(estimates: Estimates, recording: Recording, span: Span) -> Sets:
+    """The scored steps of ``estimates`` beside the truth of ``recording``, one at least.
+
+    Raises
+    ------
+    InputError : no truth, no positions in common, or nothing left to score
+    """
+    aligned = align(estimates, recording, span)
+    if not len(aligned):
+        raise InputError(f"{recording.meta.name}: no step to be scored has a truth")
+    return aligned
+
+
+def align(estimates: Estimates, recording: Recording, span: Span) -> Sets:
+    """The scored steps of ``estimates`` beside the truth of ``recording``, perhaps none.
+
+    Raises
+    ------
+    InputError : no truth, or no positions in common
+    """
+    if recording.truth is None:
+        raise InputError(f"{recording.meta.name}: the recording has no truth")
+    truth, objects = recording.truth.objects, estimates.objects
+    names = axes("centre", truth, objects)
+    if len(names) < 2:
+        raise InputError(f"{recording.meta.name}: truth and estimates have no x y in common")
+    inside = span.contains(objects.time_ns)
+    known = np.zeros(len(inside), bool)
+    before = after = np.zeros(len(inside), np.int64)
+    w = np.zeros(len(inside))
+    if len(truth.time_ns):
+        before, after, w, known = bracket(truth.time_ns, objects.time_ns, span)
+    steps = np.flatnonzero(inside & known)
+    time_ns = objects.time_ns[steps]
+    true = _between(truth, before[steps], after[steps], w[steps], time_ns)
+    estimated = _select(objects, steps, time_ns)
+    return Sets(
+        seconds(time_ns),
+        steps,
+        true,
+        estimated,
+        true.columns(*names),
+        estimated.columns(*names),
+        int((inside & ~known).sum()),
+    )
+
+
+def members(row_offset: Array, steps: Array) -> tuple[Array, Array]:
+    """The rows of ``steps`` (k,) in turn, and how many each has (k,)."""
+    count = np.diff(row_offset)[steps]
+    ends = np.cumsum(count)
+    return np.arange(count.sum()) + np.repeat(row_offset[:-1][steps] - ends + count, count), count
+
+
+def _select(objects: Objects, steps: Array, time_ns: Array) -> Objects:
+    """The objects of ``steps`` (k,) as those at ``time_ns`` (k,)."""
+    rows, count = members(objects.row_offset, steps)
+    return _ragged(take(objects, rows, time_ns), count)
+
+
+def _ragged(objects: Objects, count: Array) -> Objects:
+    return replace(objects, row_offset=np.concatenate(([0], np.cumsum(count))))
+
+
+def _between(truth: Objects, before: Array, after: Array, w: Array, time_ns: Array) -> Objects:
+    """The objects that stand in both of two steps (k,), with weight ``w`` (k,) of the second."""
+    labels, label = np.unique(truth.label, return_inverse=True)
+    step = np.repeat(np.arange(len(truth.time_ns)), np.diff(truth.row_offset))
+    key = step * len(labels) + label
+    order = np.argsort(key)
+    rows, count = members(truth.row_offset, before)
+    k = np.repeat(np.arange(len(before)), count)
+    wanted = after[k] * len(labels) + label[rows]
+    found = np.searchsorted(key[order], wanted).clip(max=len(key) - 1)
+    both = key[order[found]] == wanted if len(key) else np.zeros(0, bool)
+    first, second = take(truth, rows[both], time_ns), take(truth, order[found[both]], time_ns)
+    return _ragged(blend(first, second, w[k[both]]), np.bincount(k[both], minlength=len(before)))

@@ -1,0 +1,88 @@
+"""A metric at work on one file of estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+from ..models import registry
+from ..models.errors import InputError
+from ..models.parameters import Layer, resolve, sensor_model
+from ..models.records import Estimates, Recording, Scores
+from .kit.measured import Measured, finish
+
+GROUP = "echoset.metrics"
+
+
+class Running:
+    """A metric with its parameters, what it measured so far, and why it does not apply, if so.
+
+    It is ``dropped`` where it turns out not to have been meant.
+    """
+
+    def __init__(
+        self, name: str, user: Iterable[Layer], estimates: Estimates, recording: Recording
+    ) -> None:
+        self.name, self.dropped = name, False
+        self.error: InputError | None = None
+        self._metric = registry.load(GROUP, name)
+        self.params: Any = resolve(
+            self._metric.Params, *sensor_model(recording, self._metric.Params), *user
+        )
+        self._names = recording.meta.name, estimates.estimator
+        self._measured: list[Measured] = []
+        self._steps = 0
+        self._table: Scores | None = None
+        kinds = self._metric.STREAMS
+        if kinds and not any(s.kind in kinds for s in recording.streams.values()):
+            reason = f"{name} needs a stream of {' or '.join(kinds)}"
+            self.error = InputError(f"{recording.meta.name}: {reason}")
+
+    @property
+    def for_sets(self) -> bool:
+        """Whether it scores sets of objects."""
+        return bool(self._metric.FOR_SETS)
+
+    @property
+    def by_steps(self) -> bool:
+        """Whether it takes windows of steps."""
+        return hasattr(self._metric, "measure")
+
+    def measure(self, estimates: Estimates, recording: Recording) -> None:
+        """Take the next window of steps, unless the metric is out or takes none."""
+        if self.error is not None or not self.by_steps:
+            return
+        params = self.params
+        if getattr(params, "skip", 0):
+            params = replace(params, skip=max(0, params.skip - self._steps))
+        try:
+            self._measured.append(self._metric.measure(estimates, recording, params))
+        except InputError as error:
+            self.error = error
+        self._steps += len(estimates.objects.time_ns)
+
+    def score(self, estimates: Estimates, recording: Recording) -> None:
+        """Take everything at once."""
+        try:
+            self._table = self._metric.score(estimates, recording, self.params)
+        except InputError as error:
+            self.error = error
+
+    def finish(self, required: bool) -> Scores | None:
+        """The scores; None where the metric does not apply.
+
+        Raises
+        ------
+        InputError : it does not apply, but is ``required``
+        """
+        if self.dropped:
+            return None
+        if self.error is None and self.by_steps:
+            try:
+                return finish(self._metric.summarise, self._names, self._measured, self.params)
+            except InputError as error:
+                self.error = error
+        if self.error is not None and required:
+            raise self.error
+        return self._table

@@ -1,0 +1,256 @@
+"""The estimator on scenes small enough to know the answer, in space and in the plane; bad input."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from echoset.estimators.gsncp import dbscan, di_gsncp, oracle
+from echoset.estimators.gsncp.output import Labels
+from echoset.formats.steps import concatenate
+from echoset.metrics import ospa_gw
+from echoset.models import extent
+from echoset.models.checks import check, check_objects, check_steps
+from echoset.models.errors import InputError, ParameterError
+from echoset.models.parameters import resolve, sensor_model
+from echoset.models.records import Estimates, Meta, Objects, Recording, Sensor, Stream, Truth
+from echoset.simulate import radar_extended
+
+SHORT = {
+    "burn_in": 3000, "max_burn_in": 4000, "patience": 1000, "explore": 2000, "max_explore": 4000,
+    "samples": 50, "thin": 20, "max_targets": 12,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """Two epochs of a few targets."""
+    params = radar_extended.Params(epochs=2, mean_targets=4.0)
+    return radar_extended.simulate(params, np.random.default_rng(12), "small")
+
+
+def run(module, recording, settings, scans=None, seed=0):
+    params = resolve(module.Params, *sensor_model(recording, module.Params), ("", settings))
+    setup = recording if module is oracle else recording.setup()
+    scans = recording.scans() if scans is None else scans
+    steps = list(module.estimate(setup, scans, params, np.random.default_rng(seed)))
+    for step in steps:
+        check_objects(step.objects, "objects")
+        check_steps(step.steps, len(step.objects.time_ns))
+    whole = concatenate(steps)
+    return Estimates(Meta("x", provenance={"estimator": "x"}), whole.objects, whole.steps)
+
+
+def distances(estimates, recording):
+    found = ospa_gw.score(estimates, recording, ospa_gw.Params())
+    return found.value[(np.array(found.part) == "") & ~np.isnan(found.time)]
+
+
+@pytest.mark.parametrize(
+    ("module", "settings", "bound"),
+    [
+        (di_gsncp, SHORT, 1.0),
+        (di_gsncp, SHORT | {**di_gsncp.PRESETS["paper"], "patience": 3000}, 1.5),
+        (dbscan, {}, 1.5),
+        (oracle, {}, 1.0),
+    ],
+    ids=["default", "paper", "dbscan", "oracle"],
+)
+def test_targets_are_found_where_they_are(recording, module, settings, bound):
+    assert distances(run(module, recording, settings), recording)[-1] < bound
+
+
+def test_diagnostics_samples_and_labels(recording):
+    estimates = run(di_gsncp, recording, SHORT | {"keep": True})
+    kept, offset = estimates.steps["samples"], estimates.objects.row_offset
+    assert kept.shape == (2, 50, 12, 9)
+    for t in (0, 1):
+        rows = slice(*offset[t : t + 2])
+        L = offset[t + 1] - offset[t]
+        mean = kept[t, :, :L].mean(0)
+        np.testing.assert_allclose(estimates.objects.state[rows], mean, atol=1e-12)
+        covariance = np.cov(kept[t, :, 0].T)
+        np.testing.assert_allclose(estimates.objects.covariance[rows][0], covariance, atol=1e-12)
+    assert estimates.steps["acceptance"].shape == (2, 6)
+    assert (estimates.steps["iterations"] >= SHORT["burn_in"] + SHORT["explore"] + 1000).all()
+    assert (estimates.steps["effective_sample_size"] > 1).all()
+    first, second = (set(estimates.objects.label[slice(*offset[t : t + 2])]) for t in (0, 1))
+    assert first & second
+
+
+def test_equal_seeds_give_equal_estimates(recording):
+    a, b = (run(di_gsncp, recording, SHORT, seed=5) for _ in range(2))
+    np.testing.assert_array_equal(a.objects.state, b.objects.state)
+
+
+def planar(kind: str, turned: float = 0.5) -> Recording:
+    """Two sensors in the plane and three targets, seen by positions or by ranges and bearings."""
+    rng = np.random.default_rng(3)
+    c, e = (
+        np.array([[5.0, 5], [15, 12], [28, 6]]),
+        np.array([[1.2, 0.2, 1.1], [1, 0, 1], [1.4, -0.3, 1]]),
+    )
+    half = turned / 2
+    sensors, streams = {}, {}
+    for name, place in (("A", (0.0, -5.0)), ("B", (30.0, 25.0))):
+        quaternion = np.array([[0.0, 0.0, np.sin(half), np.cos(half)]])
+        at = np.array([[*place, 1.0]])
+        sensors[name] = Sensor("radar", np.zeros(1, np.int64), at, quaternion)
+        origin = np.repeat(np.arange(3), 25)
+        v = c[origin] + (extent.triangular(e)[origin] @ rng.normal(size=(75, 2, 1)))[..., 0]
+        z = np.vstack([v + 0.1 * rng.normal(size=v.shape), rng.uniform([0, 0], [35, 20], (10, 2))])
+        R = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+        x = (z - place) @ R
+        if kind == "position":
+            rows = {"x": x[:, 0].copy(), "y": x[:, 1].copy()}
+            model = {"std_position": 0.1}
+        else:
+            rows = {"range": np.hypot(*x.T), "azimuth": np.arctan2(x[:, 1], x[:, 0])}
+            model = {"std_range": 0.1, "std_azimuth": 0.005}
+        rows["origin_id"] = np.append(origin, np.full(10, -1)).astype(np.int32)
+        for i, axis in enumerate("xy"):
+            rows[f"origin_{axis}"] = np.append(v[:, i], np.full(10, np.nan))
+        model |= {"p_detect": 0.9, "clutter_region": [0.0, 35.0, 0.0, 20.0]}
+        offset = np.array([0, 85], np.int64)
+        streams[name] = Stream(kind, (name,), model, np.zeros(1, np.int64), offset, {}, rows)
+    kind_, axes, rotation = extent.ellipsoid(extent.covariance(e))
+    objects = Objects(
+        np.zeros(1, np.int64), np.array([0, 3], np.int64), np.arange(3),
+        ("x", "y", *extent.names(2)), ("m",) * 5, np.hstack([c, e]), extent_kind=kind_,
+        semi_axes=axes, rotation=rotation,
+    )  # fmt: skip
+    recording = Recording(Meta("plane"), sensors, streams, Truth(objects))
+    check(recording)
+    return recording
+
+
+@pytest.mark.parametrize("kind", ["position", "range_bearing"])
+@pytest.mark.parametrize("module", [di_gsncp, dbscan, oracle], ids=["chain", "dbscan", "oracle"])
+def test_the_plane(kind, module):
+    recording = planar(kind)
+    settings = {"resolution": 20.0} | (SHORT if module is di_gsncp else {})
+    estimates = run(module, recording, settings)
+    assert estimates.objects.state_names == ("x", "y", "e00", "e10", "e11")
+    assert distances(estimates, recording)[0] < 0.6
+
+
+def test_rows_that_state_their_noise_need_no_parameter():
+    recording = planar("position")
+    streams = {}
+    for name, s in recording.streams.items():
+        full = np.full(len(s.rows["x"]), 0.01)
+        rows = dict(s.rows) | {"cov_xx": full, "cov_xy": 0 * full, "cov_yy": full}
+        streams[name] = replace(
+            s, rows=rows, model={k: v for k, v in s.model.items() if k != "std_position"}
+        )
+    stated = replace(recording, streams=streams)
+    settings = SHORT | {"resolution": 20.0}
+    a, b = (run(di_gsncp, r, settings) for r in (recording, stated))
+    np.testing.assert_allclose(a.objects.state, b.objects.state, atol=1e-6)
+
+
+def emptied(recording: Recording, keep: int) -> Recording:
+    """Only the first ``keep`` detections of the first stream, none of the others."""
+    streams = {}
+    for i, (name, s) in enumerate(recording.streams.items()):
+        n = keep if i == 0 else 0
+        offset = np.minimum(s.row_offset, n)
+        streams[name] = replace(s, row_offset=offset, rows={k: v[:n] for k, v in s.rows.items()})
+    return replace(recording, streams=streams)
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+@pytest.mark.parametrize("keep", [0, 1])
+def test_hardly_anything_to_see(recording, keep, preset):
+    settings = di_gsncp.PRESETS[preset] if preset == "paper" else SHORT
+    estimates = run(di_gsncp, emptied(recording, keep), {**settings, "patience": 300, "block": 100})
+    assert np.isfinite(estimates.objects.state).all()
+    assert (estimates.steps["cardinality_mean"] < 3).all()
+    run(dbscan, emptied(recording, keep), {})
+    assert len(run(oracle, emptied(recording, 0), {}).objects.state) == 0
+
+
+def changed(recording: Recording, name: str, **model) -> Recording:
+    stream = recording.streams[name]
+    other = replace(stream, model={**stream.model, **model})
+    return replace(recording, streams={**recording.streams, name: other})
+
+
+def test_what_cannot_be_is_refused(recording):
+    bad = np.array(recording.streams["R0"].model["cov_xx_table"])
+    bad[1, 3, 4, 2] = -1.0
+    with pytest.raises(InputError, match=r"covariance of scan 1 is not positive definite: .* -"):
+        run(di_gsncp, changed(recording, "R0", cov_xx_table=bad), SHORT)
+    with pytest.raises(InputError, match="no cov_yy_table for scan 0"):
+        run(di_gsncp, changed(recording, "R1", cov_yy_table=np.zeros((2, 3, 3, 3))), SHORT)
+    with pytest.raises(ParameterError, match="of a volume"):
+        run(di_gsncp, recording, {"clutter_region": (0, 50, 20, 20, 0, 10)})
+    with pytest.raises(InputError, match=r"need .* GB"):
+        run(di_gsncp, recording, {"memory": 1e-5})
+    with pytest.raises(InputError, match="give clutter_region"):
+        run(di_gsncp, recording, {"clutter_region": ()})
+    bare = planar("position")
+    with pytest.raises(InputError, match="give p_detect"):
+        run(di_gsncp, bare, {"p_detect": None})
+    with pytest.raises(InputError, match="give std_position"):
+        run(di_gsncp, bare, {"std_position": 0.0})
+    with pytest.raises(InputError, match="three dimensions need the column 'z'"):
+        run(di_gsncp, bare, {"clutter_region": (0, 35, 0, 20, 0, 5)})
+    with pytest.raises(InputError, match="needs the truth"):
+        run(oracle, replace(recording, truth=None), {})
+    with pytest.raises(ParameterError, match="births as often as deaths"):
+        run(di_gsncp, recording, {"moves": (0.5, 0.2, 0.2, 0.1, 0.0, 0.0)})
+
+
+def test_targets_all_closer_than_the_hard_core_leave_one_estimate(recording):
+    estimates = run(di_gsncp, recording, SHORT | {"hard_core_radius": 80.0})
+    np.testing.assert_array_equal(np.diff(estimates.objects.row_offset), [1, 1])
+
+
+def test_epochs_limits_what_is_processed_together(recording):
+    last = next(iter(recording.streams.values())).time_ns[-1]
+    only = [s for s in recording.scans() if s.time_ns == last]
+    assert len(only) == 2
+    a = run(oracle, recording, {"epochs": 1}).objects
+    b = run(oracle, recording, {"epochs": 0}).objects
+    assert not np.allclose(a.state[-1], b.state[-1])
+    np.testing.assert_allclose(a.state[: a.row_offset[1]], b.state[: b.row_offset[1]])
+
+
+def test_labels_stay_with_their_place():
+    labels = Labels()
+    assert labels.of(np.array([[0.0, 0, 0], [9, 0, 0]]), 3.0).tolist() == [0, 1]
+    assert labels.of(np.array([[9.5, 0, 0], [20, 0, 0], [1, 0, 0]]), 3.0).tolist() == [1, 2, 0]
+    assert labels.of(np.zeros((0, 3)), 3.0).tolist() == []
+    assert labels.of(np.array([[9.0, 0, 0]]), 3.0).tolist() == [3]
+
+
+def test_clusters_are_scikit_learns():
+    cluster = pytest.importorskip("sklearn.cluster")
+    rng = np.random.default_rng(0)
+    z = np.vstack([rng.normal(c, 0.6, (60, 3)) for c in ([0, 0, 0], [3, 0, 0], [1, 4, 0])])
+    z = np.vstack([z, rng.uniform(-4, 8, (80, 3))])[rng.permutation(260)]
+    params = dbscan.Params(radii=(0.5, 1.0, 1.6), neighbours=(1, 3, 6))
+    found = dbscan.configurations(z, params, 2)
+    for radius in params.radii:
+        for least in params.neighbours:
+            expected = cluster.DBSCAN(eps=radius, min_samples=2 * least).fit(z).labels_
+            np.testing.assert_array_equal(next(found), expected)
+
+
+def test_the_oracle_is_exact_without_noise_and_spread():
+    recording = planar("position")
+    streams = {}
+    for name, s in recording.streams.items():
+        n, place = 75, recording.sensors[name].position[0, :2]
+        R = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
+        c = recording.truth.objects.state[s.rows["origin_id"][:n], :2]
+        x = (c - place) @ R
+        rows = {k: v[:n] for k, v in s.rows.items()}
+        rows |= {"x": x[:, 0].copy(), "y": x[:, 1].copy()}
+        streams[name] = replace(s, rows=rows, row_offset=np.array([0, n], np.int64))
+    found = run(oracle, replace(recording, streams=streams), {}).objects
+    np.testing.assert_allclose(found.state[:, :2], recording.truth.objects.state[:, :2], atol=1e-9)
+    np.testing.assert_allclose(found.state[:, [2, 4]], 1.0)

@@ -1,0 +1,130 @@
+"""The libRSF importer: lines by hand, each broken line, and the measured log."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from echoset.formats.importers import labyrinth
+from echoset.models.errors import FormatError, InputError, ParameterError
+
+LOG = """\
+range2 0.2 3.5 0.04 2 0 b 0
+odom2diff 0.1 0 0 0 0.0785 0.0001 0.0001 0.0001
+
+range2 0.1000000004 2.5 0.01 -1 0.5 a 0
+range2 0.2 1.5 0.01 -1 0.5 a 0
+"""
+POINTS = "point2 0.2 3 4 0 0 0 0\npoint2 0.1 1 2 0 0 0 0 \n"
+
+
+def read(folder: Path, log: str | bytes = LOG, points: str | None = None, **params: object):
+    paths = [folder / "log.txt"]
+    paths[0].write_bytes(log.encode() if isinstance(log, str) else log)
+    if points is not None:
+        paths.append(folder / "truth.txt")
+        paths[1].write_text(points)
+    return labyrinth.read(paths, labyrinth.Params(**params))
+
+
+def test_lines_become_events_in_order_of_time_and_anchor(tmp_path: Path):
+    log = read(tmp_path, points=POINTS)
+    uwb = log.streams["uwb"]
+    assert uwb.nodes == ("device", "a", "b")
+    np.testing.assert_array_equal(uwb.time_ns, [100_000_000, 200_000_000, 200_000_000])
+    np.testing.assert_array_equal(uwb.row_offset, [0, 1, 2, 3])
+    np.testing.assert_array_equal(uwb.scan["mode"], [0, 0, 0])
+    np.testing.assert_array_equal(uwb.scan["tx"], [0, 0, 0])
+    np.testing.assert_array_equal(uwb.scan["rx"], [1, 1, 2])
+    np.testing.assert_array_equal(uwb.rows["distance"], [2.5, 1.5, 3.5])
+    np.testing.assert_allclose(uwb.rows["std"], [0.1, 0.1, 0.2], rtol=1e-15)
+    np.testing.assert_array_equal(log.sensors["a"].position, [[-1, 0.5, 0]])
+    assert log.sensors["device"].kind == "device"
+    assert log.truth is not None
+    np.testing.assert_array_equal(log.truth.objects.state, [[1, 2], [3, 4]])
+    assert log.truth.objects.state_names == ("device_x", "device_y")
+    assert log.truth.objects.extent_kind == ""
+
+
+def test_name_provenance_and_parameters(tmp_path: Path):
+    log = read(tmp_path, device="robot", sigma=0.3)
+    assert log.meta.name == "log"
+    assert log.meta.provenance == {
+        "importer": "labyrinth",
+        "files": [{"name": "log.txt", "sha256": hashlib.sha256(LOG.encode()).hexdigest()}],
+        "parameters": {"device": "robot", "sigma": 0.3, "range_bias_std": 0.1},
+    }
+    model = log.streams["uwb"].model
+    assert model == {"mean_los": 1.0, "mean_scatter": 0.0, "range_bias_std": 0.1}
+    assert log.truth is None
+    assert log.streams["uwb"].nodes[0] == "robot"
+    np.testing.assert_array_equal(log.streams["uwb"].rows["std"], [0.3, 0.3, 0.3])
+    for wrong in ({"device": "a/b"}, {"sigma": 0.0}, {"range_bias_std": -1.0}):
+        with pytest.raises(ParameterError):
+            labyrinth.Params(**wrong)
+
+
+BROKEN = {
+    "line 2: range2 has 7 fields, needs 8": "\nrange2 1 2 0.01 0 0 a",
+    "line 1: 'range3' is not one of range2": "range3 1 2 0.01 0 0 a 0",
+    "line 1: 'abc' is not a finite number": "range2 abc 2 0.01 0 0 a 0",
+    "line 1: 'nan' is not a finite number": "range2 1 nan 0.01 0 0 a 0",
+    "line 1: '1e999' is not a finite number": "range2 1 2 1e999 0 0 a 0",
+    "line 1: '2,5' is not a finite number: decimals are": "range2 1 2,5 0.01 0 0 a 0",
+    "line 1: '1e300' s is beyond": "range2 1e300 2 0.01 0 0 a 0",
+    "line 2: the range is negative": "range2 1 2 1 0 0 a 0\nrange2 2 -2 1 0 0 a 0",
+    "line 1: the variance is not positive": "range2 1 2 0 0 0 a 0",
+    "line 2: the anchor has moved": "range2 1 2 1 0 0 a 0\nrange2 2 2 1 0 0.1 a 0",
+    "line 3: a second range of this": "range2 1 2 1 0 0 a 0\n\nrange2 1 3 1 0 0 a 0",
+    "line 1: 'a/b' cannot name an anchor": "range2 1 2 1 0 0 a/b 0",
+    "line 1: 'device' cannot name an anchor": "range2 1 2 1 0 0 device 0",
+    "line 1: the file is empty": " \n",
+    "line 1: is longer than": "range2 " + "1" * 100_000,
+    "line 2: is not UTF-8 text": b"range2 1 2 1 0 0 a 0\n\xff\xfe",
+}
+
+
+@pytest.mark.parametrize("message", BROKEN)
+def test_a_broken_line_is_named(tmp_path: Path, message: str):
+    with pytest.raises(FormatError, match=r"log\.txt: " + message):
+        read(tmp_path, BROKEN[message])
+
+
+def test_broken_points_and_missing_files(tmp_path: Path):
+    with pytest.raises(FormatError, match=r"truth\.txt: line 2: a second point"):
+        read(tmp_path, points="point2 1 0 0 0 0 0 0\npoint2 1 0 0 0 0 0 0\n")
+    with pytest.raises(FormatError, match=r"truth\.txt: line 1: point2 has 3 fields"):
+        read(tmp_path, points="point2 1 0")
+    with pytest.raises(FormatError, match=r"nowhere\.txt: No such file"):
+        labyrinth.read([tmp_path / "nowhere.txt"], labyrinth.Params())
+    with pytest.raises(InputError, match="there are no ranges"):
+        read(tmp_path, POINTS)
+    with pytest.raises(FormatError, match="Indoor_UWB_Input"):
+        labyrinth.read([tmp_path], labyrinth.Params())
+
+
+def test_the_measured_log():
+    data = Path(os.environ.get("ECHOSET_DATA", Path(__file__).parents[4] / "shared/data"))
+    folder = data / "labyrinth"
+    if not folder.is_dir():
+        pytest.skip(f"the measured recordings are not at {data} ($ECHOSET_DATA)")
+    log = labyrinth.read([folder], labyrinth.Params())
+    uwb = log.streams["uwb"]
+    assert len(uwb) == 233
+    assert uwb.nodes == ("device", "105", "107", "108", "109")
+    places = [log.sensors[node].position[0, :2].tolist() for node in uwb.nodes[1:]]
+    assert places == [[-0.02, -0.01], [-0.02, 2.365], [2.385, 2.36], [2.385, -0.005]]
+    assert uwb.time_ns[[0, -1]].tolist() == [127_943_993, 29_902_198_076]
+    assert uwb.rows["distance"][[0, -1]].tolist() == [2.95522014829822, 3.14571415367563]
+    assert uwb.scan["rx"][[0, -1]].tolist() == [1, 3]
+    np.testing.assert_allclose(uwb.rows["std"], 0.1, rtol=1e-15)
+    assert log.truth is not None
+    state = log.truth.objects.state
+    assert state[0].tolist() == [1.65205474853516, 2.2191780090332]
+    assert state[-1].tolist() == [0.1763950791323, 0.354996161516054]
+    whole = labyrinth.read([folder / name for name in labyrinth.FOLDER], labyrinth.Params())
+    assert whole.meta.provenance == log.meta.provenance
