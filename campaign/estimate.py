@@ -13,7 +13,7 @@ from typing import Any
 
 from numpy.linalg import LinAlgError
 
-from ..formats import EstimatesWriter, estimates_writer, open_source, read, stamp
+from ..formats import EstimatesWriter, estimates_writer, header, open_source, read
 from ..formats.provenance import versions
 from ..models.checks import check_objects, check_steps
 from ..models.errors import EstimatorError, FormatError, InputError
@@ -117,7 +117,7 @@ def expected(task: Task) -> dict[str, Any]:
         setup = _visible(source.setup, module.STREAMS, task)
     finally:
         source.close()
-    origin = _origin(task, module, setup.meta.name, stamp(path)["observed_digest"])
+    origin = _origin(task, module, setup.meta.name, header(path)["observed_digest"])
     return {**_provenance(task, _parameters(setup, module, task)), "input": origin}
 
 
@@ -132,7 +132,7 @@ def _origin(task: Task, module: Any, name: str, digest: str) -> dict[str, str]:
     """Which recording the estimates are of; the truth counts where the estimator uses it."""
     origin = {"name": name, "digest": digest}
     if _uses_truth(module):
-        origin["content_digest"] = str(stamp(Path(task.source))["content_digest"])
+        origin["content_digest"] = str(header(Path(task.source))["content_digest"])
     return origin
 
 

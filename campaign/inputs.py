@@ -92,7 +92,7 @@ def is_scores(source: str) -> bool:
     from .. import formats
 
     path = Path(source)
-    return path.suffix in SCORES or formats.stamp(path)["kind"] == "scores"
+    return path.suffix in SCORES or formats.header(path)["kind"] == "scores"
 
 
 def read_any(source: str) -> Recording | Estimates | Scores:

@@ -125,7 +125,7 @@ def scores_format(output: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Policy:
+class Existing:
     """What becomes of outputs that exist; with ``dry_run`` that is only said."""
 
     overwrite: bool = False
@@ -148,7 +148,7 @@ class Policy:
 
 
 def plan(
-    output: str, names: Sequence[str], form: str | None, policy: Policy, late: bool = False
+    output: str, names: Sequence[str], form: str | None, existing: Existing, late: bool = False
 ) -> list[Target]:
     """The target of each of ``names``: recordings or estimates.
 
@@ -169,9 +169,9 @@ def plan(
         twice = [name for name, count in Counter(names).items() if count > 1]
         if twice:
             raise ParameterError(f"-o {output}: two outputs would be called {twice[0]}{suffix}")
-        return [policy.target(Path(output) / (name + suffix), form, late) for name in names]
+        return [existing.target(Path(output) / (name + suffix), form, late) for name in names]
     if len(names) > 1:
         raise ParameterError(f"-o {output}: {len(names)} outputs need a folder, such as -o out/")
     form = form or ("mcap" if output == DASH else suffix_format(Path(output)))
     load("echoset.formats", form)
-    return [single(output, form) if output == DASH else policy.target(Path(output), form, late)]
+    return [single(output, form) if output == DASH else existing.target(Path(output), form, late)]

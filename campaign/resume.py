@@ -48,10 +48,10 @@ def decide(target: Target, expected: Callable[[], Mapping[str, Any]]) -> Decisio
 
 def _reason(path: Path, form: Mapping[str, Any], expected: Callable[[], Mapping[str, Any]]) -> str:
     """Why the output at ``path`` cannot stay; nothing if it can."""
-    from ..formats import stamp
+    from ..formats import header
 
     try:
-        found = stamp(path)
+        found = header(path)
     except FormatError as error:
         return ": ".join(part for part in (error.where, error.reason) if part)
     return _difference("", found, {**form, **expected()})

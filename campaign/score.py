@@ -9,9 +9,9 @@ from pathlib import Path
 
 from .. import formats
 from ..formats.provenance import versions
-from ..metrics.beside import Beside, is_one_object
+from ..metrics.beside import TruthWindow, is_one_object
 from ..metrics.kit.table import concatenate
-from ..metrics.running import GROUP, Running
+from ..metrics.run import GROUP, MetricRun
 from ..models import registry
 from ..models.errors import InputError, ParameterError
 from ..models.parameters import Layer, as_dict, suggestion
@@ -52,17 +52,19 @@ def score(task: Task) -> Scores:
     """
     with ExitStack() as stack:
         source = stack.enter_context(inputs.spooled(task.source))
-        found = stack.enter_context(closing(formats.open_parts(source, task.label)))
+        found = stack.enter_context(closing(formats.open_windows(source, task.label)))
         estimates = found.head
         if isinstance(estimates, Recording):
             raise InputError(f"{task.label}: holds a recording, not estimates")
         place = None if found.carries else truth.find(estimates, task.label, task.truth)
         how = (source, task.label, True) if place is None else (place, place)
-        about = stack.enter_context(closing(formats.open_parts(*how, scans=False)))
+        about = stack.enter_context(closing(formats.open_windows(*how, scans=False)))
         recording = about.head
         assert isinstance(recording, Recording)
         announce_compilation()
-        running = [Running(name, user, estimates, recording) for name, user in task.metrics.items()]
+        running = [
+            MetricRun(name, user, estimates, recording) for name, user in task.metrics.items()
+        ]
         _measure(running, found, about, task)
         whole = None
         for metric in running:
@@ -84,14 +86,14 @@ def score(task: Task) -> Scores:
 
 
 def _measure(
-    running: Sequence[Running], found: formats.Parts, about: formats.Parts, task: Task
+    running: Sequence[MetricRun], found: formats.Windows, about: formats.Windows, task: Task
 ) -> None:
     """Have the metrics that go by steps measure all windows.
 
     Where nobody asked for them, those for sets wait until there is more than one object.
     """
     gap = max((getattr(m.params, "max_gap", 0.0) for m in running), default=0.0)
-    beside = Beside(about.head, iter(about), min(int(gap * 1e9) + 1, 1 << 60))
+    beside = TruthWindow(about.head, iter(about), min(int(gap * 1e9) + 1, 1 << 60))
     waiting: list[tuple[Estimates, Recording]] = []
     single = not task.required
     windows = progress.share(found, found, about) if task.show else found

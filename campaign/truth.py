@@ -27,7 +27,7 @@ def find(estimates: Estimates, label: str, places: Sequence[str]) -> Path:
 
 def located(source: str, places: Sequence[str]) -> Path | None:
     """The file among ``places`` that :func:`find` takes for the estimates in ``source``, if any."""
-    found = formats.stamp(Path(source))
+    found = formats.header(Path(source))
     return _path(source, found["name"], found["provenance"], places) if places else None
 
 
@@ -55,7 +55,7 @@ def _candidates(places: Iterable[str], names: tuple[str, ...]) -> Iterator[Path]
 def _digest(path: Path, named: bool) -> str | None:
     """The digest of a recording; None for another file in a folder."""
     try:
-        found = formats.stamp(path)
+        found = formats.header(path)
     except FormatError:
         if named:
             raise

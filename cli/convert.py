@@ -12,7 +12,7 @@ import click
 
 from ..campaign import log
 from ..campaign.execution import Execution
-from ..campaign.outputs import DASH, Policy, Target, plan, scores_format
+from ..campaign.outputs import DASH, Existing, Target, plan, scores_format
 from . import options
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def _recovered(path: Path, task: Task) -> bool:
     from ..models.records import Recording
 
     try:
-        with closing(formats.open_parts(path)) as parts:
+        with closing(formats.open_windows(path)) as parts:
             deque(parts, maxlen=0)
             whole = True
     except FormatError:
@@ -128,7 +128,7 @@ def _passed_on(path: Path, task: Task) -> bool:
     from ..campaign.progress import share
     from ..models.records import Recording
 
-    with closing(formats.open_parts(path, label(task.label))) as parts:
+    with closing(formats.open_windows(path, label(task.label))) as parts:
         if parts.carries:
             return False
         single = isinstance(parts.head, Recording)
@@ -148,7 +148,7 @@ def _passed_on(path: Path, task: Task) -> bool:
 def decide(task: Task) -> Decision:
     """Whether the file has to be written: not if its content is the same already."""
     from ..campaign import resume
-    from ..formats import stamp
+    from ..formats import header
     from ..models.errors import FormatError
 
     if task.foreign is not None or task.label == DASH:
@@ -156,7 +156,7 @@ def decide(task: Task) -> Decision:
 
     def expected() -> dict[str, str]:
         try:
-            return {"content_digest": stamp(Path(task.label))["content_digest"]}
+            return {"content_digest": header(Path(task.label))["content_digest"]}
         except FormatError:
             if not task.recover:
                 raise
@@ -217,7 +217,7 @@ def command(
     recover: bool,
     config: str | None,
     settings: tuple[str, ...],
-    policy: Policy,
+    existing: Existing,
     execution: Execution,
 ) -> None:
     """Write IN in another format, or import it.
@@ -241,18 +241,18 @@ def command(
         raise ParameterError("--recover is for our own files, not for --from")
     if importer:
         inputs, known = execution.places(inputs), (mapping, config, settings)
-        target = plan(output, [PurePath(inputs[0]).stem], form, policy)[0]
+        target = plan(output, [PurePath(inputs[0]).stem], form, existing)[0]
         tasks = [Task(inputs[0], execution.target(target), Import(importer, inputs, *known))]
     elif mapping or config or settings:
         raise ParameterError("--mapping, --config and --set are for imports: name one by --from")
     else:
         if PurePath(output).suffix in SCORES and len(inputs) == 1:
-            targets = [policy.target(Path(output), scores_format(output), late=False)]
+            targets = [existing.target(Path(output), scores_format(output), late=False)]
         else:
             stems = [PurePath(source).stem for source in inputs]
-            targets = plan(output, stems, form, policy, late=execution.keep_going)
+            targets = plan(output, stems, form, existing, late=execution.keep_going)
         pairs = zip(execution.places(inputs), map(execution.target, targets), strict=True)
         alone = len(inputs) == 1
         tasks = [Task(source, target, None, alone, recover) for source, target in pairs]
-    done = batch.run(convert, tasks, execution, decide, policy.dry_run)
+    done = batch.run(convert, tasks, execution, decide, existing.dry_run)
     exits.end(exits.worst([done.exit_code] if done.exit_code else [], any(done.results)))

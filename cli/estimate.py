@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ..campaign.execution import Execution
-from ..campaign.outputs import DASH, Policy, Target, plan, scores_format, single
+from ..campaign.outputs import DASH, Existing, Target, plan, scores_format, single
 from . import options
 
 
@@ -57,7 +57,7 @@ def command(
     keep: bool,
     timing: str | None,
     deps: str | None,
-    policy: Policy,
+    existing: Existing,
     execution: Execution,
 ) -> None:
     """Run an estimator over the recordings IN.
@@ -86,7 +86,7 @@ def command(
         resolve(module.Params, *user)
     stems = ["stdin" if source == DASH else PurePath(source).stem for source in inputs]
     names = [f"{stem}.{estimator}" for stem in stems]
-    targets = plan(output, names, form, policy, late=execution.keep_going)
+    targets = plan(output, names, form, existing, late=execution.keep_going)
     tasks = [
         Task(source, target, estimator, user, not ignore_sensor_model, seed, len(inputs) == 1)
         for source, target in zip(
@@ -94,21 +94,21 @@ def command(
         )
     ]
     makefile.check(deps, targets, inputs)
-    sink = _sink(timing, policy) if timing else None
-    done = batch.run(estimate, tasks, execution, decide, policy.dry_run)
+    sink = _sink(timing, existing) if timing else None
+    done = batch.run(estimate, tasks, execution, decide, existing.dry_run)
     if sink and done.results:
         with sink.open() as target:
             scores.write(timings.scores(done.results), target, sink.format)
-    if not policy.dry_run:
+    if not existing.dry_run:
         makefile.write(deps, ((targets[k], (inputs[k], config)) for k in done.finished))
     exits.end(done.exit_code)
 
 
-def _sink(timing: str, policy: Policy) -> Target:
+def _sink(timing: str, existing: Existing) -> Target:
     """Where times go; when a campaign is resumed, what is there is in the way of new times only."""
-    if policy.skip_existing and timing != DASH:
+    if existing.skip_existing and timing != DASH:
         return Target(Path(timing), scores_format(timing))
-    return single(timing, scores_format(timing), policy.overwrite)
+    return single(timing, scores_format(timing), existing.overwrite)
 
 
 def _chosen(module: Any, estimator: str, preset: str | None, keep: bool) -> Any:

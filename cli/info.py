@@ -33,7 +33,7 @@ def _inspect(file: str) -> dict[str, Any]:
     from ..campaign.inputs import SCORES, read_scores
 
     if PurePath(file).suffix not in SCORES:
-        found = formats.inspect(Path(file))
+        found = formats.summary(Path(file))
         if found["kind"] != "scores":
             provenance = {k: json.loads(v) for k, v in found.items() if _is_provenance(k)}
             return {**found, **provenance}

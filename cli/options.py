@@ -13,7 +13,7 @@ from click.types import StringParamType
 from ..campaign import log
 from ..campaign.execution import Execution
 from ..campaign.lock import locked
-from ..campaign.outputs import Policy
+from ..campaign.outputs import Existing
 
 F = TypeVar("F", bound=Callable[..., Any])
 _VERBOSITY, _FORM = "echoset.verbosity", "echoset.form"
@@ -127,7 +127,7 @@ existing: Callable[[F], F] = _chain(
         "versions; make the rest, and make again what is not so.",
     ),
     click.option("--dry-run", is_flag=True, help="Only say what would be run, redone or skipped."),
-    _gathered("policy", Policy, "overwrite", "skip_existing", "dry_run"),
+    _gathered("existing", Existing, "overwrite", "skip_existing", "dry_run"),
 )
 
 batch: Callable[[F], F] = _chain(

@@ -77,7 +77,7 @@ def command(
     from ..metrics import segments as spans
     from ..metrics.gate import Gate
     from ..metrics.kit.table import concatenate
-    from ..metrics.running import GROUP
+    from ..metrics.run import GROUP
     from ..models import registry
 
     target = single(output, scores_format(output), overwrite)

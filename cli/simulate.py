@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..campaign.execution import Execution
-from ..campaign.outputs import DASH, Policy, Target, plan
+from ..campaign.outputs import DASH, Existing, Target, plan
 from . import options
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def command(
     output: str,
     form: str | None,
     deps: str | None,
-    policy: Policy,
+    existing: Existing,
     execution: Execution,
 ) -> None:
     """Simulate recordings of SCENARIO.
@@ -127,13 +127,13 @@ def command(
     parameters = resolve(found.module.Params, *found.layers, *layers(None, settings))
     numbers = range(first_run, first_run + runs)
     names = [f"{found.title}-s{seed}-{number:04d}" for number in numbers]
-    targets = plan(output, names, form, policy, late=execution.keep_going)
+    targets = plan(output, names, form, existing, late=execution.keep_going)
     makefile.check(deps, targets, [scenario])
     tasks = [
         Task(name, found.name, parameters, seed, number, execution.target(target))
         for name, number, target in zip(names, numbers, targets, strict=True)
     ]
-    done = batch.run(simulate, tasks, execution, decide, policy.dry_run)
-    if not policy.dry_run:
+    done = batch.run(simulate, tasks, execution, decide, existing.dry_run)
+    if not existing.dry_run:
         makefile.write(deps, ((targets[k], [found.file]) for k in done.finished))
     exits.end(done.exit_code)

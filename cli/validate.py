@@ -40,14 +40,14 @@ def validate(task: Task) -> None:
     from ..models.errors import InputError
 
     if is_scores(task.label):
-        kind, doubts = "scores", [] if read_scores(task.label).provenance else [_UNKNOWN]
+        kind, oddities = "scores", [] if read_scores(task.label).provenance else [_UNKNOWN]
     else:
-        kind, doubts = _read(task)
-        if task.strict and not doubts:
-            for where, reason in formats.doubts(Path(task.label)):
+        kind, oddities = _read(task)
+        if task.strict and not oddities:
+            for where, reason in formats.oddities(Path(task.label)):
                 raise InputError(f"{task.label}: {where}: {reason}")
-    if task.strict and doubts:
-        raise InputError(f"{task.label}: {doubts[0]}")
+    if task.strict and oddities:
+        raise InputError(f"{task.label}: {oddities[0]}")
     say(f"{task.label}: ok, {kind}")
 
 
@@ -60,29 +60,29 @@ def _read(task: Task) -> tuple[str, list[str]]:
     from ..campaign.progress import share
     from ..models.records import Recording
 
-    kinds, doubts = [], list[str]()
+    kinds, oddities = [], list[str]()
     for carried in (False, True):
-        with closing(formats.open_parts(Path(task.label), carried=carried)) as parts:
+        with closing(formats.open_windows(Path(task.label), carried=carried)) as parts:
             scans: Counter[str] = Counter()
             for window in share(parts, parts) if task.show else parts:
                 for name, stream in getattr(window, "streams", {}).items():
                     scans[name] += len(stream)
-                    if task.strict and stream.kind == "uwb" and len(doubts) < 1:
-                        doubts += [f"streams/{name}: {doubt}" for doubt in _uwb_doubts(stream)]
+                    if task.strict and stream.kind == "uwb" and len(oddities) < 1:
+                        oddities += [f"streams/{name}: {doubt}" for doubt in _uwb_doubts(stream)]
             kinds.append(type(parts.head).__name__.lower())
             if not parts.head.meta.provenance:
-                doubts.append(_UNKNOWN)
+                oddities.append(_UNKNOWN)
             if isinstance(parts.head, Recording):
                 if not parts.head.streams:
-                    doubts.append("has no streams")
-                doubts += [
+                    oddities.append("has no streams")
+                oddities += [
                     f"streams/{name}: has no scans"
                     for name in parts.head.streams
                     if not scans[name]
                 ]
             if not parts.carries:
                 break
-    return kinds[0], doubts
+    return kinds[0], oddities
 
 
 def _uwb_doubts(stream: Stream) -> Iterator[str]:

@@ -13,7 +13,7 @@ from ..models.checks import check
 from ..models.errors import FormatError, ParameterError
 from ..models.records import Estimates, Meta, Recording, Scan
 from . import layout
-from .whole import WholeParts, WholeWriter
+from .whole import WholeWindows, WholeWriter
 
 GROUP = "echoset.formats"
 Target = Path | IO[bytes]
@@ -43,7 +43,7 @@ class Source(Protocol):
         """Close the file."""
 
 
-class Parts(Protocol):
+class Windows(Protocol):
     """A record that is read in windows of time; ``head`` is the record without any of them.
 
     ``carries`` tells whether the file holds estimates and their recording.
@@ -171,7 +171,7 @@ def open_source(source: Target, path: object = None, keep: bool = False) -> Sour
     return opened
 
 
-def inspect(source: Target, path: object = None) -> dict[str, Any]:
+def summary(source: Target, path: object = None) -> dict[str, Any]:
     """Digests, attributes and shapes of a file.
 
     Raises
@@ -180,11 +180,11 @@ def inspect(source: Target, path: object = None) -> dict[str, Any]:
     """
     path = _name(source, path)
     module, source = _identify(source, path)
-    summary: dict[str, Any] = module.inspect(source, path)
-    return summary
+    found: dict[str, Any] = module.summary(source, path)
+    return found
 
 
-def stamp(path: Path) -> dict[str, Any]:
+def header(path: Path) -> dict[str, Any]:
     """What a file says of itself: ``format``, ``kind``, digests, name and provenance.
 
     Of the data nothing is read, so that damage there does not show; a file that was cut does.
@@ -195,7 +195,7 @@ def stamp(path: Path) -> dict[str, Any]:
     """
     module, source = _identify(path, path)
     name = next(n for n in registry.names(GROUP) if registry.load(GROUP, n) is module)
-    found = getattr(module, "stamp", module.inspect)(source, path)
+    found = getattr(module, "header", module.summary)(source, path)
     try:
         provenance = json.loads(found["provenance"])
         return {**provenance, **found, "format": name, "provenance": provenance}
@@ -203,7 +203,7 @@ def stamp(path: Path) -> dict[str, Any]:
         raise FormatError(path, "provenance", "cannot be read") from error
 
 
-def open_parts(source: Target, path: object = None, carried: bool = False, **how: Any) -> Parts:
+def open_windows(source: Target, path: object = None, carried: bool = False, **how: Any) -> Windows:
     """Open a record for reading in windows of time; ``carried``: the recording beside estimates.
 
     ``source`` can seek. A format without windows of its own is read whole.
@@ -214,13 +214,13 @@ def open_parts(source: Target, path: object = None, carried: bool = False, **how
     """
     path = _name(source, path)
     module, source = _identify(source, path)
-    if not hasattr(module, "Parts"):
-        return WholeParts(module.read(source, path), path, carried, **how)
-    parts: Parts = module.Parts(source, path, carried, **how)
+    if not hasattr(module, "Windows"):
+        return WholeWindows(module.read(source, path), path, carried, **how)
+    parts: Windows = module.Windows(source, path, carried, **how)
     return parts
 
 
-def doubts(path: Path) -> Iterator[tuple[str, str]]:
+def oddities(path: Path) -> Iterator[tuple[str, str]]:
     """Places in a sound file, and what is strange there though it changes no content.
 
     Raises
@@ -229,7 +229,7 @@ def doubts(path: Path) -> Iterator[tuple[str, str]]:
     """
     module, _ = _identify(path, path)
     found: Iterator[tuple[str, str]] = (
-        module.doubts(path) if hasattr(module, "doubts") else iter(())
+        module.oddities(path) if hasattr(module, "oddities") else iter(())
     )
     return found
 
@@ -297,7 +297,7 @@ def observed_digest(record: Recording | Path) -> str:
     FormatError : the file cannot be read, is damaged or of another kind
     """
     if isinstance(record, Path):
-        return str(inspect(record)["observed_digest"])
+        return str(summary(record)["observed_digest"])
     return layout.observed_digest(record)
 
 

@@ -13,7 +13,7 @@ WINDOW = 1024
 """Scans or steps that are read or written at once."""
 
 
-class Windows:
+class Blocks:
     """Takes estimates of any number of steps, gives out windows of ``size`` steps."""
 
     def __init__(self, size: int) -> None:

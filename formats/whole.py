@@ -14,7 +14,7 @@ from ..models.records import Estimates, Meta, Objects, Recording, Stream, Truth
 from .steps import part, spans, windows
 
 
-class WholeParts:
+class WholeWindows:
     """The windows of ``record``; ``carried``: of the recording beside estimates.
 
     ``head`` is the record without steps or scans. Without ``scans`` the streams stay empty.

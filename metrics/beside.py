@@ -11,7 +11,7 @@ import numpy as np
 from ..models.records import Array, Estimates, Objects, Recording, Truth
 
 
-class Beside:
+class TruthWindow:
     """The recording ``head`` with the truth of ``windows`` around the steps that are asked for.
 
     That is all within ``gap`` [ns] of them, and the times before and after.

@@ -1,15 +1,15 @@
 """HDF5, the random-access archive: what the registry of formats loads."""
 
-from .parts import Parts
-from .reader import Source, inspect, read
-from .stamp import stamp
+from .header import header
+from .oddities import oddities
+from .reader import Source, read, summary
+from .windows import Windows
 from .writer import (
     MAGIC,
     SUFFIXES,
     SUMMARY,
     EstimatesWriter,
     RecordingWriter,
-    doubts,
     write,
 )
 
@@ -18,12 +18,12 @@ __all__ = [
     "SUFFIXES",
     "SUMMARY",
     "EstimatesWriter",
-    "Parts",
+    "Windows",
     "RecordingWriter",
     "Source",
-    "doubts",
-    "inspect",
+    "oddities",
+    "summary",
     "read",
-    "stamp",
+    "header",
     "write",
 ]

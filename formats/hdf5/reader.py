@@ -222,7 +222,7 @@ def read(source: Path | IO[bytes], path: object) -> Recording | Estimates:
     return record
 
 
-def inspect(source: Path | IO[bytes], path: object) -> dict[str, Any]:
+def summary(source: Path | IO[bytes], path: object) -> dict[str, Any]:
     """Digests, attributes and the shapes of all datasets, without reading the data."""
     reader = TreeReader(source, path)
     try:

@@ -8,7 +8,6 @@ leaves stand in ``/tokens``, their digests in attributes of the root.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
@@ -19,23 +18,22 @@ import numpy as np
 from ...models.records import Estimates, Meta, Recording
 from .. import layout
 from .. import tree as trees
-from ..steps import WINDOW, Windows, windows
+from ..steps import WINDOW, Blocks, windows
 from ..tree import ArrayToken, Leaf
-from .parts import Parts
-from .reader import Source, inspect, read
-from .stamp import stamp
-from .steady import SteadyFile
+from .fallback import SpilledFile
+from .header import header
+from .reader import Source, read, summary
+from .windows import Windows
 
 __all__ = [
     "EstimatesWriter",
-    "Parts",
+    "Windows",
     "RecordingWriter",
     "Source",
-    "doubts",
     "TreeWriter",
-    "inspect",
+    "summary",
     "read",
-    "stamp",
+    "header",
     "write",
 ]
 
@@ -50,7 +48,7 @@ class TreeWriter:
     """Puts leaves into an open file and keeps their tokens."""
 
     def __init__(self, target: Path | IO[bytes]) -> None:
-        self._disk = SteadyFile(target) if isinstance(target, Path) else None
+        self._disk = SpilledFile(target) if isinstance(target, Path) else None
         self.file = h5py.File(self._disk or target, "w")
         self.tokens: dict[str, str | ArrayToken] = {}
 
@@ -185,11 +183,11 @@ class EstimatesWriter:
 
     def __init__(self, target: Path | IO[bytes]) -> None:
         self._out = TreeWriter(target)
-        self._windows = Windows(WINDOW)
+        self._blocks = Blocks(WINDOW)
 
     def append(self, estimates: Estimates) -> None:
         """Take the next steps."""
-        for window in self._windows.add(estimates):
+        for window in self._blocks.add(estimates):
             self._flush(window)
 
     def _flush(self, window: Estimates) -> None:
@@ -203,7 +201,7 @@ class EstimatesWriter:
     def close(self, meta: Meta, recording: Recording | None = None) -> None:
         """Finish the file with its ``meta`` and the recording that travels along, if any."""
         try:
-            rest = self._windows.rest()
+            rest = self._blocks.rest()
             self._flush(rest)
             tree = layout.to_tree(replace(rest, meta=meta, recording=recording))
             del tree["objects"], tree["steps"]
@@ -216,10 +214,3 @@ class EstimatesWriter:
     def abort(self) -> None:
         """Close the file as it is."""
         self._out.abort()
-
-
-def doubts(path: Path) -> Iterator[tuple[str, str]]:
-    """Places in a sound file, and what is strange there; see :mod:`.hdf5_strict`."""
-    from .strict import doubts
-
-    return doubts(path)

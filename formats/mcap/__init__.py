@@ -1,16 +1,16 @@
 """MCAP, the stream for pipes and viewers: what the registry of formats loads."""
 
-from .parts import Parts
-from .reader import Source, inspect, read
+from .header import header
+from .oddities import oddities
+from .reader import Source, read, summary
 from .records import MAGIC
 from .rescue import Rescue as rescue
-from .stamp import stamp
+from .windows import Windows
 from .writer import (
     SUFFIXES,
     SUMMARY,
     EstimatesWriter,
     RecordingWriter,
-    doubts,
     write,
 )
 
@@ -19,13 +19,13 @@ __all__ = [
     "SUFFIXES",
     "SUMMARY",
     "EstimatesWriter",
-    "Parts",
+    "Windows",
     "RecordingWriter",
     "Source",
-    "doubts",
-    "inspect",
+    "oddities",
+    "summary",
     "read",
     "rescue",
-    "stamp",
+    "header",
     "write",
 ]

@@ -272,7 +272,7 @@ def decode(section: Section, table: Table, message: Message, path: object) -> An
         raise FormatError(path, where, reason(error)) from error
 
 
-def inspect(source: Path | IO[bytes], path: object) -> dict[str, Any]:
+def summary(source: Path | IO[bytes], path: object) -> dict[str, Any]:
     """Digests, attributes and the shapes of all columns; reads the file without keeping it."""
     file = opened(source, path)
     try:

@@ -27,25 +27,24 @@ from ...models.records import Estimates, Meta, Recording
 from .. import layout
 from .. import tree as trees
 from ..tree import ArrayToken
-from .parts import Parts
-from .reader import HEADER, TRAILER, Source, inspect, read
+from .header import header
+from .reader import HEADER, TRAILER, Source, read, summary
 from .records import MAGIC, MESSAGE
 from .schemas import SCHEMAS
-from .stamp import stamp
 from .tables import Table, column_types, tables
 from .viewers import outlines
 from .viewers import shapes as scene
+from .windows import Windows
 
 __all__ = [
     "MAGIC",
     "EstimatesWriter",
-    "Parts",
+    "Windows",
     "RecordingWriter",
     "Source",
-    "doubts",
-    "inspect",
+    "summary",
     "read",
-    "stamp",
+    "header",
     "write",
 ]
 
@@ -324,10 +323,3 @@ class EstimatesWriter:
     def abort(self) -> None:
         """Close the file as it is."""
         self._file.close()
-
-
-def doubts(path: Path) -> Iterator[tuple[str, str]]:
-    """Places in a sound file, and what is strange there; see :mod:`.mcap_strict`."""
-    from .strict import doubts
-
-    return doubts(path)

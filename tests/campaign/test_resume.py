@@ -13,7 +13,7 @@ import pytest
 
 from echoset import formats
 from echoset.campaign.estimate import Task, decide
-from echoset.campaign.outputs import Policy, plan
+from echoset.campaign.outputs import Existing, plan
 from echoset.formats import provenance
 from echoset.models.errors import FormatError, OutputError
 from echoset.models.records import Recording
@@ -115,7 +115,7 @@ def test_another_input_redoes_its_output_only(estimate, inputs, form):
 def test_output_of_a_worker_that_was_lost_after_it_had_written(run, rec, tmp_path):
     """It was not there when the run began: what is there now is its own, or a stranger's."""
     path = tmp_path / "est.h5"
-    target = plan(str(path), ["est"], None, Policy())[0]
+    target = plan(str(path), ["est"], None, Existing())[0]
     task = Task(str(rec), target, "mean", (), True, 1)
     assert decide(task).action == "run"
     assert run("estimate", "-e", "mean", rec, "-o", path).code == 0
@@ -134,7 +134,7 @@ def test_truth_counts_for_the_oracle(run, tmp_path):
     formats.write(replace(record, truth=replace(record.truth, objects=moved)), rec, "h5")
     assert "input.content_digest was" in run(*words, "--dry-run").out
     record = formats.read(rec)
-    assert formats.content_digest(record) == formats.stamp(rec)["content_digest"]
+    assert formats.content_digest(record) == formats.header(rec)["content_digest"]
 
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "text", "longer"])
@@ -209,8 +209,8 @@ def test_dry_run_says_what_would_fail(run, campaign, tmp_path):
 
 
 def test_stamp_is_what_the_file_says_without_its_data(inputs, form):
-    found = formats.stamp(inputs[0])
-    whole = formats.inspect(inputs[0])
+    found = formats.header(inputs[0])
+    whole = formats.summary(inputs[0])
     for key in ("name", "observed_digest", "content_digest"):
         assert found[key] == whole[key]
     assert found["provenance"] == formats.read(inputs[0]).meta.provenance
@@ -224,7 +224,7 @@ def test_stamp_is_what_the_file_says_without_its_data(inputs, form):
     inputs[0].write_bytes(data)
     with pytest.raises(FormatError):
         formats.read(inputs[0])
-    assert formats.stamp(inputs[0]) == found
+    assert formats.header(inputs[0]) == found
 
 
 def test_damage_at_the_end_of_mcap_is_seen(campaign, tmp_path):
@@ -234,7 +234,7 @@ def test_damage_at_the_end_of_mcap_is_seen(campaign, tmp_path):
     for place in range(len(data) - 600, len(data), 7):
         path.write_bytes(data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :])
         with pytest.raises(FormatError):
-            formats.stamp(path)
+            formats.header(path)
 
 
 def test_what_a_killed_run_left_is_removed_and_nothing_else(estimate, inputs, tmp_path, form):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from echoset.formats.atomic import atomic
-from echoset.formats.hdf5.steady import SteadyFile
+from echoset.formats.hdf5.fallback import SpilledFile
 from echoset.models.errors import OutputError
 
 
@@ -70,7 +70,7 @@ class Full(io.FileIO):
 
 def test_hdf5_ends_in_peace_on_a_full_disk(tmp_path):
     values = np.random.default_rng(1).normal(size=10_000)
-    steady = SteadyFile(tmp_path / "x.h5")
+    steady = SpilledFile(tmp_path / "x.h5")
     steady._file.close()
     steady._file = Full(tmp_path / "x.h5", "w+")
     with h5py.File(steady, "w") as file:
@@ -85,7 +85,7 @@ def test_hdf5_ends_in_peace_on_a_full_disk(tmp_path):
 
 def test_steady_file_holds_what_was_written(tmp_path):
     values = np.arange(10_000.0)
-    steady = SteadyFile(tmp_path / "x.h5")
+    steady = SpilledFile(tmp_path / "x.h5")
     with h5py.File(steady, "w") as file:
         file["values"] = values
     steady.close()
@@ -94,7 +94,7 @@ def test_steady_file_holds_what_was_written(tmp_path):
 
 
 def test_a_file_that_cannot_be_opened_is_closed_in_silence(tmp_path):
-    steady = SteadyFile.__new__(SteadyFile)
+    steady = SpilledFile.__new__(SpilledFile)
     with pytest.raises(FileNotFoundError):
         steady.__init__(tmp_path / "none" / "x.h5")
     steady.close()

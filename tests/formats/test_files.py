@@ -57,7 +57,7 @@ def test_conversion_there_and_back_gives_equal_bytes(recording, estimates, tmp_p
     formats.write(record, tmp_path / "b.mcap", "mcap")
     assert mcap.read_bytes() == (tmp_path / "b.mcap").read_bytes()
     digests = ("content_digest", "observed_digest")
-    assert [formats.inspect(h5)[d] for d in digests] == [formats.inspect(mcap)[d] for d in digests]
+    assert [formats.summary(h5)[d] for d in digests] == [formats.summary(mcap)[d] for d in digests]
 
 
 @pytest.mark.parametrize("format", FORMATS)

@@ -100,7 +100,7 @@ def edited(path, edit):
 )
 def test_headers_of_h5_that_do_not_fit(estimates, tmp_path, edit, tokens, words):
     formats.write(estimates, tmp_path / "a.h5", "h5")
-    refused(resealed(tmp_path / "a.h5", edit, **tokens), *words, read=formats.stamp)
+    refused(resealed(tmp_path / "a.h5", edit, **tokens), *words, read=formats.header)
 
 
 def test_headers_of_h5_of_deep_json_or_cut(estimates, tmp_path):
@@ -114,13 +114,13 @@ def test_headers_of_h5_of_deep_json_or_cut(estimates, tmp_path):
     path, deep = tmp_path / "a.h5", b"[" * 100_000
     for name, data in (("tokens", deep), ("tokens", b"[]"), ("tokens", b"3")):
         formats.write(estimates, path, "h5")
-        refused(edited(path, put(name, data)), "/: ", read=formats.stamp)
+        refused(edited(path, put(name, data)), "/: ", read=formats.header)
     formats.write(estimates, path, "h5")
     text = {"provenance": trees.token(deep.decode())}
-    refused(resealed(path, put("provenance", deep), **text), "provenance", read=formats.stamp)
+    refused(resealed(path, put("provenance", deep), **text), "provenance", read=formats.header)
     formats.write(estimates, path, "h5")
     path.write_bytes(path.read_bytes()[:-9])
-    refused(path, "superblock", read=formats.stamp)
+    refused(path, "superblock", read=formats.header)
 
 
 def test_headers_of_mcap_with_huge_lengths(estimates, tmp_path):
@@ -132,14 +132,14 @@ def test_headers_of_mcap_with_huge_lengths(estimates, tmp_path):
     for at in range(start, start + 120, 2):
         path.write_bytes(whole[:at] + b"\xff" * 8 + whole[at + 8 :])
         with suppress(FormatError):
-            formats.stamp(path)
+            formats.header(path)
 
 
 def test_headers_of_h5_hold_nothing_else(estimates, tmp_path):
     formats.write(estimates, tmp_path / "a.h5", "h5")
     with h5py.File(tmp_path / "a.h5", "r+") as file:
         file.attrs["seed"] = 7
-    assert "seed" not in formats.stamp(tmp_path / "a.h5")
+    assert "seed" not in formats.header(tmp_path / "a.h5")
 
 
 def test_h5_that_declares_more_than_it_has(h5):

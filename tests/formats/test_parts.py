@@ -12,7 +12,7 @@ import pytest
 
 from echoset import formats
 from echoset.formats import layout, steps, tree
-from echoset.formats.mcap import parts as mcap_parts
+from echoset.formats.mcap import windows as mcap_parts
 from echoset.models.errors import FormatError
 from echoset.models.records import Estimates, Objects
 
@@ -39,7 +39,7 @@ def test_a_recording_passed_on_in_windows_has_the_bytes_of_the_whole(
     formats.write(recording, tmp_path / "a", source)
     formats.write(recording, tmp_path / "whole", target)
     writer = formats.recording_writer(tmp_path / "parts", target)
-    with closing(formats.open_parts(tmp_path / "a")) as parts:
+    with closing(formats.open_windows(tmp_path / "a")) as parts:
         count = 0
         for part in parts:
             writer.append(part)
@@ -65,17 +65,17 @@ def test_windows_hold_all_of_a_time_and_nothing_twice(recording, window):
 def test_estimates_and_the_recording_that_they_carry(recording, estimates, tmp_path, format):
     path = tmp_path / "a"
     formats.write(replace(estimates, recording=recording), path, format)
-    with closing(formats.open_parts(path)) as parts:
+    with closing(formats.open_windows(path)) as parts:
         assert parts.carries and parts.head.meta.provenance == estimates.meta.provenance
         assert len(parts.head.objects.time_ns) == 0
         assert digest(steps.concatenate(list(parts))) == digest(estimates)
-    with closing(formats.open_parts(path, carried=True, scans=False)) as parts:
+    with closing(formats.open_windows(path, carried=True, scans=False)) as parts:
         truth = Objects.join([w.truth.objects for w in parts])
         assert all(len(s) == 0 for s in parts.head.streams.values())
         np.testing.assert_array_equal(truth.state, recording.truth.objects.state)
     formats.write(recording, path, format)
     with pytest.raises(FormatError):
-        formats.open_parts(path, carried=True)
+        formats.open_windows(path, carried=True)
 
 
 @pytest.mark.parametrize("format", FORMATS)
@@ -87,7 +87,7 @@ def test_damage_shows_at_the_end_at_the_latest(recording, tmp_path, format, plac
     data[int(len(data) * place)] ^= 4
     path.write_bytes(data)
     try:
-        with closing(formats.open_parts(path)) as parts:
+        with closing(formats.open_windows(path)) as parts:
             found = list(parts)
     except FormatError as error:
         assert str(error).startswith(str(path)) and error.where
@@ -101,13 +101,13 @@ def test_stamp_tells_kind_and_digests(recording, estimates, tmp_path, format):
     for record in (recording, estimates):
         path = tmp_path / "a"
         formats.write(record, path, format)
-        found, whole = formats.stamp(path), formats.inspect(path)
+        found, whole = formats.header(path), formats.summary(path)
         kind = "estimates" if isinstance(record, Estimates) else "recording"
         assert found["kind"] == kind == whole["kind"]
         assert all(found[k] == whole[k] for k in ("content_digest", "observed_digest"))
     (tmp_path / "a").write_bytes((tmp_path / "a").read_bytes()[:-9])
     with pytest.raises(FormatError):
-        formats.stamp(tmp_path / "a")
+        formats.header(tmp_path / "a")
 
 
 def test_index_that_does_not_fit_its_times(recording, tmp_path, monkeypatch):
@@ -117,7 +117,7 @@ def test_index_that_does_not_fit_its_times(recording, tmp_path, monkeypatch):
     monkeypatch.setattr(formats.files, "check", lambda record: None)
     monkeypatch.setattr("echoset.formats.hdf5.writer.windows", lambda record: [record])
     formats.write(replace(recording, streams={"uwb": back}), tmp_path / "a", "h5")
-    parts = formats.open_parts(tmp_path / "a")
+    parts = formats.open_windows(tmp_path / "a")
     with closing(parts), pytest.raises(FormatError, match="out of order"):
         list(parts)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from echoset.formats import stamp
+from echoset.formats import header
 from echoset.formats.scores import read, write
 from echoset.models.errors import FormatError, ParameterError
 from echoset.models.records import Scores
@@ -162,8 +162,8 @@ def test_other_files(tmp_path: Path) -> None:
 
 def test_headers_tell_that_it_is_scores(tmp_path: Path) -> None:
     write(table(), tmp_path / "s.h5", "h5")
-    found = stamp(tmp_path / "s.h5")
+    found = header(tmp_path / "s.h5")
     assert found["kind"] == "scores" and "name" not in found
     (tmp_path / "s.h5").write_bytes((tmp_path / "s.h5").read_bytes()[:-9])
     with pytest.raises(FormatError, match="superblock"):
-        stamp(tmp_path / "s.h5")
+        header(tmp_path / "s.h5")

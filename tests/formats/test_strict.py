@@ -16,7 +16,7 @@ from echoset import formats
 def test_what_we_write_is_strict(recording, estimates, tmp_path, format):
     for record in (recording, estimates, replace(estimates, recording=recording)):
         formats.write(record, tmp_path / "a", format)
-        assert list(formats.doubts(tmp_path / "a")) == []
+        assert list(formats.oddities(tmp_path / "a")) == []
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,7 @@ def test_h5(recording, tmp_path, edit, where, reason):
     with h5py.File(tmp_path / "a.h5", "r+") as file:
         edit(file)
     formats.read(tmp_path / "a.h5")
-    ((place, found),) = formats.doubts(tmp_path / "a.h5")
+    ((place, found),) = formats.oddities(tmp_path / "a.h5")
     assert place == where and reason in found
 
 
@@ -45,7 +45,9 @@ def test_h5_without_checksums(recording, tmp_path):
         for name, text in attrs.items():
             new.attrs.create(name, text, dtype=f"S{len(text)}")
     formats.read(tmp_path / "a.h5")
-    assert list(formats.doubts(tmp_path / "a.h5")) == [("truth/objects/label", "has no checksums")]
+    assert list(formats.oddities(tmp_path / "a.h5")) == [
+        ("truth/objects/label", "has no checksums")
+    ]
 
 
 @pytest.fixture
@@ -80,14 +82,14 @@ def meddled(monkeypatch, tmp_path):
 def test_mcap_numbers_of_messages(estimates, meddled, change, reason):
     path = meddled(estimates, change)
     formats.read(path)
-    ((place, found),) = formats.doubts(path)
+    ((place, found),) = formats.oddities(path)
     assert reason in f"{place} {found}" and "4000000000 ns" in place
 
 
 def test_mcap_drawing_that_the_content_does_not_give(estimates, meddled):
     path = meddled(estimates, lambda data, **_: {} if data[:1] == b"{" else {"data": data[:-1]})
     formats.read(path)
-    ((place, reason),) = formats.doubts(path)
+    ((place, reason),) = formats.oddities(path)
     assert "/estimates/example/" in place and reason == "is not what the content gives"
 
 
@@ -109,9 +111,9 @@ def test_mcap_without_checksums_and_with_strange_attachments(recording, tmp_path
     )
     formats.write(recording, path, "mcap")
     monkeypatch.undo()
-    assert [place for place, _ in formats.doubts(path)] == ["chunk", "data", "summary"]
+    assert [place for place, _ in formats.oddities(path)] == ["chunk", "data", "summary"]
     monkeypatch.setattr(Writer, "start", start)
     formats.write(recording, path, "mcap")
     monkeypatch.undo()
-    ((place, _),) = formats.doubts(path)
+    ((place, _),) = formats.oddities(path)
     assert place == "attachment notes at 0 ns"

@@ -8,15 +8,14 @@ from dataclasses import replace
 import pytest
 
 from echoset import formats
-from echoset.formats import layout, steps
-from echoset.formats.hdf5 import writer as hdf5
+from echoset.formats import hdf5, layout, steps
 from echoset.formats.whole import WholeWriter
 from echoset.models.errors import FormatError
 
 
 def found(path, **how):
     """Digests of head and windows."""
-    with closing(formats.open_parts(path, **how)) as parts:
+    with closing(formats.open_windows(path, **how)) as parts:
         digests = [layout.content_digest(record) for record in (parts.head, *parts)]
         assert parts.progress[0] == parts.progress[1] > 0
         return parts.carries, digests
@@ -28,7 +27,7 @@ def plain(request, monkeypatch):
     monkeypatch.setattr(steps, "WINDOW", request.param)
 
     def take() -> None:
-        for name in ("Parts", "stamp", "doubts"):
+        for name in ("Windows", "header", "oddities"):
             monkeypatch.delattr(hdf5, name)
 
     return take
@@ -42,14 +41,14 @@ def test_windows_are_the_same(recording, estimates, tmp_path, plain):
     for name, record in records.items():
         formats.write(record, tmp_path / name, "h5")
     before = [found(tmp_path / name, **how) for name, how in asked]
-    stamped = formats.stamp(tmp_path / "recording")
+    stamped = formats.header(tmp_path / "recording")
     plain()
     assert [found(tmp_path / name, **how) for name, how in asked] == before
-    whole = formats.stamp(tmp_path / "recording")
+    whole = formats.header(tmp_path / "recording")
     assert {k: str(whole[k]) for k in stamped} == {k: str(v) for k, v in stamped.items()}
-    assert list(formats.doubts(tmp_path / "recording")) == []
+    assert list(formats.oddities(tmp_path / "recording")) == []
     with pytest.raises(FormatError, match="no recording"):
-        formats.open_parts(tmp_path / "estimates", carried=True)
+        formats.open_windows(tmp_path / "estimates", carried=True)
 
 
 @pytest.mark.parametrize("truth", [True, False])

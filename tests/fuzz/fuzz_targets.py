@@ -63,10 +63,10 @@ def _record(paths: list[Path]) -> Recording | Estimates:
         if also:
             _tried(lambda: _scans(path))
             _tried(lambda: list(_windows(path)))
-            _tried(lambda: formats.stamp(path))
+            _tried(lambda: formats.header(path))
         raise
     if also:
-        assert formats.stamp(path)["content_digest"] == digest(record)
+        assert formats.header(path)["content_digest"] == digest(record)
         if isinstance(record, Recording):
             assert _scans(path) == sum(map(len, record.streams.values()))
         whole = tree.flatten(
@@ -81,7 +81,7 @@ def _record(paths: list[Path]) -> Recording | Estimates:
 
 
 def _scores_h5(paths: list[Path]) -> Any:
-    _tried(lambda: formats.stamp(paths[0]))
+    _tried(lambda: formats.header(paths[0]))
     return score_files.read(paths[0])
 
 
@@ -97,7 +97,7 @@ def _scans(path: Path) -> int:
 
 
 def _windows(path: Path) -> Iterator[Recording | Estimates]:
-    with closing(formats.open_parts(path)) as parts:
+    with closing(formats.open_windows(path)) as parts:
         yield from parts
 
 

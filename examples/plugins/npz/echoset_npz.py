@@ -76,7 +76,7 @@ def read(source: Path | IO[bytes], path: object) -> Recording | Estimates:
     return record
 
 
-def inspect(source: Path | IO[bytes], path: object) -> dict[str, Any]:
+def summary(source: Path | IO[bytes], path: object) -> dict[str, Any]:
     """Digests, small leaves, and the shapes of all arrays."""
     header, leaves = _load(source, path)
     shapes = {name: v.shape for name, v in leaves.items() if isinstance(v, np.ndarray)}

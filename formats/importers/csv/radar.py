@@ -14,10 +14,10 @@ from .poses import sensor
 from .table import Table
 from .units import axes, turn
 
-Parts = tuple[dict[str, Sensor], dict[str, Stream]]
+Windows = tuple[dict[str, Sensor], dict[str, Stream]]
 
 
-def radar(layout: Layout, table: Table, F: Array, tables: Tables, truth: Truth | None) -> Parts:
+def radar(layout: Layout, table: Table, F: Array, tables: Tables, truth: Truth | None) -> Windows:
     """The radars and their streams of the points in ``table``."""
     S = axes(layout.sensor_frame, "sensor_frame") if layout.sensor_frame else F
     sensors = {

@@ -12,10 +12,10 @@ from .mapping import Layout, Tables
 from .poses import anchors
 from .table import Table
 
-Parts = tuple[dict[str, Sensor], dict[str, Stream]]
+Windows = tuple[dict[str, Sensor], dict[str, Stream]]
 
 
-def uwb(layout: Layout, table: Table, F: Array, tables: Tables, truth: Truth | None) -> Parts:
+def uwb(layout: Layout, table: Table, F: Array, tables: Tables, truth: Truth | None) -> Windows:
     """The nodes and the stream of the link events in ``table``."""
     fixed = anchors(layout.anchors, F, tables)
     if not fixed:

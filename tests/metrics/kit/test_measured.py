@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from echoset.formats.steps import part
-from echoset.metrics.beside import Beside
+from echoset.metrics.beside import TruthWindow
 from echoset.metrics.kit.measured import Measured, finish
-from echoset.metrics.running import Running
+from echoset.metrics.run import MetricRun
 from echoset.models import registry
 from echoset.models.errors import InputError
 from echoset.models.records import Estimates, Meta, Objects, Recording, Truth
@@ -76,8 +76,8 @@ def test_windows_give_the_scores_of_the_whole(name, size, skip):
         pieces = (
             replace(recording, truth=Truth(truth.part(k, min(k + 4, 50)))) for k in range(0, 50, 4)
         )
-        beside = Beside(head, pieces, 2 * SECOND)
-        running = Running(name, user, estimates, recording)
+        beside = TruthWindow(head, pieces, 2 * SECOND)
+        running = MetricRun(name, user, estimates, recording)
         for k in range(0, 60, size):
             window = part(estimates, k, min(k + size, 60))
             running.measure(window, beside.around(window.objects.time_ns))

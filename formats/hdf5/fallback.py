@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer, WriteableBuffer
 
 
-class SteadyFile(io.RawIOBase):
+class SpilledFile(io.RawIOBase):
     """A new file at ``path`` whose writes never fail: after an error it goes on in memory.
 
     The error is raised by :meth:`check`, to be called between the calls of HDF5, and by

@@ -20,7 +20,7 @@ from ..watch import Watch
 from .reader import Column, TreeReader
 
 
-class Parts:
+class Windows:
     """A record that is read in windows of time; ``carried``: the recording beside estimates.
 
     ``head`` is the record without steps or scans. Without ``scans`` the streams stay empty.

@@ -35,7 +35,7 @@ _ERRORS = (
 )  # fmt: skip
 
 
-def stamp(source: Path, path: object) -> dict[str, Any]:
+def header(source: Path, path: object) -> dict[str, Any]:
     """Kind, digests, name and provenance of a file that is complete.
 
     Raises

@@ -9,7 +9,7 @@ from typing import Any
 import h5py
 
 
-def doubts(path: Path) -> Iterator[tuple[str, str]]:
+def oddities(path: Path) -> Iterator[tuple[str, str]]:
     """Places in a sound file, and what is strange there."""
     items: list[tuple[str, Any]] = []
     with h5py.File(path, "r") as file:

@@ -13,15 +13,15 @@ from mcap.records import Attachment, Channel, Message, Metadata
 
 from ...models.records import Estimates
 from . import writer as mcap
-from .parts import Parts
 from .reader import HEADER, TRAILER, read
 from .records import Records
+from .windows import Windows
 
 _Place = tuple[str, int, int, bytes]
 """Topic, time, sequence number and data of a message."""
 
 
-def doubts(path: Path) -> Iterator[tuple[str, str]]:
+def oddities(path: Path) -> Iterator[tuple[str, str]]:
     """Places in a sound file, and what is strange there: the first message, and checksums."""
     with path.open("rb") as file, TemporaryFile() as again:
         _write(path, again)
@@ -36,7 +36,7 @@ def doubts(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def _write(path: Path, target: IO[bytes]) -> None:
-    with closing(Parts(path, path)) as parts:
+    with closing(Windows(path, path)) as parts:
         if parts.carries:
             mcap.write(read(path, path), target)
             return

@@ -18,7 +18,7 @@ _LIMIT = 1 << 26
 _OWN = ("kind", "name", "provenance")
 
 
-def stamp(source: Path, path: object) -> dict[str, Any]:
+def header(source: Path, path: object) -> dict[str, Any]:
     """Kind, digests, name and provenance of a file that is complete; scores have no name.
 
     Raises

@@ -33,7 +33,7 @@ def _provenance(file: IO[bytes], path: object) -> Any:
         raise FormatError(path, "summary", reason(error)) from error
 
 
-class Parts:
+class Windows:
     """A record that is read in windows of time; ``carried``: the recording beside estimates.
 
     ``head`` is the record without steps or scans. Where ``scans`` are not wanted the streams stay

@@ -15,7 +15,7 @@ from .kit.measured import Measured, finish
 GROUP = "echoset.metrics"
 
 
-class Running:
+class MetricRun:
     """A metric with its parameters, what it measured so far, and why it does not apply, if so.
 
     It is ``dropped`` where it turns out not to have been meant.
