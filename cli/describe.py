@@ -6,7 +6,6 @@ sensor model of the recording, so that here defaults are comments.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -14,7 +13,7 @@ import click
 
 from ..campaign.outputs import say
 from ..models.errors import ParameterError
-from ..models.parameters import REQUIRED, suggestion
+from ..models.parameters import REQUIRED, groups, rule, suggestion
 from . import options
 
 GROUPS = ("echoset.scenarios", "echoset.estimators", "echoset.metrics", "echoset.importers")
@@ -42,13 +41,18 @@ def command(name: str) -> None:
 
 def describe(group: str, name: str) -> Iterator[str]:
     """The lines of the YAML for the entry point ``name`` of ``group``."""
-    from ..formats.plain_yaml import dump
     from ..models import registry
+    from ..models.plain_yaml import dump
 
     module = registry.load(group, name)
     yield f"# {name}: {module.SUMMARY}"
-    for preset, values in getattr(module, "PRESETS", {}).items():
-        yield f"# --preset {preset}: {dump(values)}"
+    if group == "echoset.estimators":
+        from ..estimators.presets import presets
+
+        for preset, values in presets(name).items():
+            if preset in module.PRESETS and hasattr(module.PRESETS, "comment"):
+                yield f"# {module.PRESETS.comment(preset)}"
+            yield f"# --preset {preset}: {dump(values)}"
     if group == "echoset.scenarios":
         from ..campaign.scenarios import find
 
@@ -64,15 +68,20 @@ def describe(group: str, name: str) -> Iterator[str]:
 
 
 def _parameters(params: Any, values: Mapping[str, Any], start: str) -> Iterator[str]:
-    from ..formats.plain_yaml import dump
+    from ..models.plain_yaml import dump
 
     indent = start.removesuffix("#")
-    for f in dataclasses.fields(params):
-        default = f.default_factory() if callable(f.default_factory) else f.default
-        value = values.get(f.name, default)
-        unit = f.metadata["unit"]
-        yield f"{indent}# {f.metadata['doc']}" + (f" [{unit}]" if unit not in ("", "1") else "")
-        if value is REQUIRED:
-            yield f"{start}{f.name}: from the recording"
-        else:
-            yield f"{start}{f.name}: {dump(value)}"
+    for group, fields in groups(params):
+        title, streams = group.__dict__.get("TITLE"), group.__dict__.get("STREAMS")
+        if title:
+            yield f"{indent}# --- {title}" + (f" ({' '.join(streams)})" if streams else "")
+        for f in fields:
+            default = f.default_factory() if callable(f.default_factory) else f.default
+            value = values.get(f.name, default)
+            unit, within = f.metadata["unit"], rule(f.metadata.get("within", ""))
+            said = f" [{unit}]" if unit not in ("", "1") else ""
+            yield f"{indent}# {f.metadata['doc']}{said}" + (f", {within}" if within else "")
+            if value is REQUIRED:
+                yield f"{start}{f.name}: from the recording"
+            else:
+                yield f"{start}{f.name}: {dump(value)}"

@@ -113,14 +113,11 @@ def _sink(timing: str, existing: Existing) -> Target:
 
 def _chosen(module: Any, estimator: str, preset: str | None, keep: bool) -> Any:
     """The layers that ``--preset`` and ``--keep`` stand for."""
+    from ..estimators.presets import preset as named
     from ..models.errors import ParameterError
-    from ..models.parameters import suggestion
 
     if preset is not None:
-        if preset not in module.PRESETS:
-            hint = suggestion(preset, module.PRESETS) or f"; there are: {' '.join(module.PRESETS)}"
-            raise ParameterError(f"{estimator} has no preset {preset!r}{hint}")
-        yield f"--preset {preset}", module.PRESETS[preset]
+        yield f"--preset {preset}", named(estimator, preset)
     if keep:
         if "keep" not in module.Params.__dataclass_fields__:
             raise ParameterError(f"{estimator} has nothing that --keep could keep")

@@ -11,7 +11,7 @@ from typing import Any
 
 from ....models.errors import ParameterError
 from ....models.parameters import require, resolve, suggestion
-from ...plain_yaml import parse
+from ....models.plain_yaml import parse
 from ..text import TextFile
 from .table import Dialect, Table, fields, read_table
 

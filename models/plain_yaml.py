@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from ..models.errors import ParameterError
+from .errors import ParameterError
 
 
 class _Loader(yaml.SafeLoader):
