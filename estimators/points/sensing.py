@@ -22,6 +22,11 @@ from ...models.regions import area, box, mass, polygon
 from .source import MADE, Sight
 
 STREAMS = ("position", "range_bearing")
+UNKNOWN = "where the clutter lies is not known: give clutter_region or max_range"
+REACH = 5.0
+"""Standard deviations from the border of the view, beyond which no mass crosses it."""
+PART = 0.01
+"""Mass on either side of the border, from which on a Gaussian is astride it."""
 
 
 # Without slots: classes that have some cannot be composed.
@@ -56,7 +61,7 @@ class SensorParams:
         0.0, "m", "end of the view where scans state none; 0: nowhere", within="[0, inf)"
     )
     fov_mass: bool = parameter(
-        False, "1", "p_detect times the mass inside the view, not all or nothing by the mean"
+        True, "1", "p_detect times the mass inside the view, not all or nothing by the mean"
     )
     unscented: bool = parameter(False, "1", "unscented, not extended, update of range and azimuth")
     sensors: Any = parameter({}, "1", "what differs for single streams: name to parameters")
@@ -99,7 +104,8 @@ class Look:
     """One scan: detections z (n, 2) with noise R (1 or n, 2, 2) and clutter density (n,).
 
     Cartesian detections are in the map [m] and their clutter per m^2; of ranges and azimuths z
-    is (m, rad) in the sensor's frame and the clutter per m rad. ``period`` (2,) tells angles;
+    is (m, rad) in the sensor's frame and the clutter per m rad. ``spatial`` (n,) is the density of
+    one clutter point, in the same measure, NaN where it is not known. ``period`` (2,) tells angles;
     ``position`` (2,) and ``rotation`` (2, 2) are the sensor's pose, ``p_detect`` holds in ``view``.
     """
 
@@ -112,6 +118,7 @@ class Look:
     rotation: Array
     view: View
     p_detect: float
+    spatial: Array
 
 
 def look(params: SensorParams, scan: Scan, polar_rows: bool, sensor: Sensor) -> Look:
@@ -133,8 +140,29 @@ def look(params: SensorParams, scan: Scan, polar_rows: bool, sensor: Sensor) -> 
         where = z = p + np.stack((rows["x"], rows["y"]), 1) @ rotation.T
         R = rotation @ _position_noise(params, rows) @ rotation.T
     period = np.array([0.0, 2 * pi if polar_rows else 0.0])
-    clutter = _clutter(params, polar_rows, z, where, p, view)
-    return Look(polar_rows, z, R, clutter, period, p, rotation, view, params.p_detect)
+    spatial = _spatial(params, polar_rows, z, where, p, view)
+    clutter = params.clutter_rate * spatial if params.clutter_rate else np.zeros(len(z))
+    if np.isnan(clutter).any():
+        raise InputError(UNKNOWN)
+    return Look(polar_rows, z, R, clutter, period, p, rotation, view, params.p_detect, spatial)
+
+
+def at_once(scans: Iterable[Scan]) -> list[Scan]:
+    """The scans of one time.
+
+    Raises
+    ------
+    InputError : two of one stream
+    """
+    together = list(scans)
+    if len({scan.stream for scan in together}) < len(together):
+        raise InputError(f"scans at {together[0].time_ns} ns: two of one stream")
+    return together
+
+
+def count(scans: Iterable[Scan]) -> int:
+    """How many detections the scans hold."""
+    return sum(len(next(iter(scan.rows.values()))) for scan in scans if scan.rows)
 
 
 def looks(
@@ -166,9 +194,9 @@ def looks(
 
 def made(params: SensorParams, z: Array, R: Array, region: tuple[float, ...]) -> Look:
     """Detections z (n, 2) that a source made in the map, with covariances R (n, 2, 2)."""
-    clutter = np.full(len(z), params.clutter_rate / area(box(params.clutter_region or region)))
-    zero = np.zeros(2)
-    return Look(False, z, R, clutter, zero, zero, np.eye(2), View(), params.p_detect)
+    spatial = np.full(len(z), 1 / area(box(params.clutter_region or region)))
+    zero, clutter = np.zeros(2), params.clutter_rate * spatial
+    return Look(False, z, R, clutter, zero, zero, np.eye(2), View(), params.p_detect, spatial)
 
 
 def expected(look: Look, m: Array, P: Array, unscented: bool) -> tuple[Array, Array, Array]:
@@ -202,17 +230,38 @@ def expected(look: Look, m: Array, P: Array, unscented: bool) -> tuple[Array, Ar
     return z_hat + shift, C, e.swapaxes(1, 2) @ e / (2 * d)
 
 
-def detection_probability(look: Look, m: Array, P: Array, fov_mass: bool) -> Array:
-    """Probability (J,) that a target with this mean and covariance is detected."""
+def inside(look: Look, m: Array, P: Array, fov_mass: bool) -> Array:
+    """Mass (J,) of Gaussians inside the view, or all or nothing by their means."""
     if look.view == View():
-        return np.full(len(m), look.p_detect)
+        return np.ones(len(m))
     local = (m[:, :2] - look.position) @ look.rotation
-    if fov_mass and look.view.bounded:
-        spread = look.rotation.T @ P[:, :2, :2] @ look.rotation
-        inside = mass(local, spread, look.view.corners())
-    else:
-        inside = look.view.contains(*polar(local))
-    return np.asarray(look.p_detect * inside)
+    found = look.view.contains(*polar(local)).astype(float)
+    if fov_mass:
+        reach = REACH * np.sqrt(np.trace(P[:, :2, :2], axis1=1, axis2=2))
+        near = look.view.distance(local) < reach
+        if near.any() and look.view.width > 0:
+            end = float((np.hypot(*local[near].T) + 2 * reach[near]).max())
+            spread = look.rotation.T @ P[near, :2, :2] @ look.rotation
+            found[near] = mass(local[near], spread, look.view.corners(end=end))
+    return found
+
+
+def detection_probability(look: Look, m: Array, P: Array, fov_mass: bool) -> Array:
+    """Probability (J,) that a target with this mean and covariance is in view and detected.
+
+    One minus it is that of a miss. What multiplies the likelihood of a detection z is that of the
+    Gaussian *updated* by z: the integral of 1_V(x) l(z|x) N(x) is the likelihood of z times the
+    mass of the updated Gaussian in the view V.
+    """
+    return np.asarray(look.p_detect * inside(look, m, P, fov_mass))
+
+
+def astride(look: Look, m: Array, P: Array, fov_mass: bool) -> Array:
+    """Which Gaussians (k,) are inside the view in part."""
+    if not fov_mass or look.view == View():
+        return np.zeros(0, np.int64)
+    share = inside(look, m, P, True)
+    return np.flatnonzero((share > PART) & (share < 1 - PART))
 
 
 def positions(look: Look) -> tuple[Array, Array]:
@@ -255,26 +304,21 @@ def _known(name: str, value: float) -> float:
     return value
 
 
-def _clutter(
+def _spatial(
     params: SensorParams, polar_rows: bool, z: Array, where: Array, sensor: Array, view: View
 ) -> Array:
-    """Expected density (n,) of clutter at detections, in their own measure."""
-    rate = params.clutter_rate
-    if rate == 0:
-        return np.zeros(len(z))
+    """Density (n,) of one clutter point at detections, in their own measure; NaN: not known."""
     # An area element in the map is r dr d(azimuth).
     distance = np.hypot(*(where - sensor).T)
     if params.clutter_region:
         # Outside, too: a detection from beyond the region shall not count as a certain target.
-        density = np.full(len(z), rate / area(box(params.clutter_region)))
+        density = np.full(len(z), 1 / area(box(params.clutter_region)))
         return np.asarray(density * distance if polar_rows else density)
-    if not view.bounded:
-        raise InputError("where the clutter lies is not known: give clutter_region or max_range")
-    density = np.full(len(z), rate / view.area)
+    density = np.full(len(z), 1 / view.area if view.bounded else np.nan)
     return density if polar_rows else density / np.maximum(distance, 1e-9)
 
 
 __all__ = [
-    "STREAMS", "Look", "SensorParams", "detection_probability", "expected", "look", "looks",
-    "per_stream", "positions",
+    "STREAMS", "UNKNOWN", "Look", "SensorParams", "astride", "at_once", "count",
+    "detection_probability", "expected", "look", "looks", "per_stream", "positions",
 ]  # fmt: skip
