@@ -13,7 +13,7 @@ from ...models.parameters import parameter
 from ...models.records import Array
 from .clutter_map import Maps
 from .cuts import Cut
-from .kernels import births, pieces
+from .kernels import births
 from .kernels.bernoulli import (
     TINY,
     Bernoullis,
@@ -33,10 +33,10 @@ from .kernels.poisson import first_detections
 from .sensing import (
     Look,
     SensorParams,
-    astride,
     detection_probability,
     expected,
     positions,
+    unseen,
 )
 from .source import Classes
 from .targets import Interval, TargetParams, elapse, limit, newborn
@@ -209,7 +209,7 @@ def update(
     z_hat, C, S = expected(seen, a.m, a.P, own.unscented)
     S = S[:, None] + seen.R
     log_hit = gaussians.log_likelihood(seen.z, z_hat, S, seen.period, params.gate)
-    p, not_seen = _missed(seen, a, own)
+    p, m_missed, P_missed = unseen(seen, a.m, a.P, a.visible, own.fov_mass)
     with np.errstate(divide="ignore"):
         log_hit += np.log(_found(seen, own, a, p, log_hit, z_hat, C, S) * a.visible[:, None])
     undetected, (new, m_new, P_new) = _first_detections(state.undetected, seen, params, own, even)
@@ -222,7 +222,7 @@ def update(
         params.max_hypotheses,
         -np.log(params.min_weight),
     )
-    local = missed(not_seen, p).take(found.prior)
+    local = missed(replace(a, m=m_missed, P=P_missed), p).take(found.prior)
     hit = np.flatnonzero(found.detection >= 0)
     i, l = found.detection[hit], found.prior[hit]
     S = S[l, 0 if S.shape[1] == 1 else i]
@@ -276,28 +276,6 @@ def _moved(old: births.Components, params: Params, gone: Interval) -> births.Com
     return w[known], m[known], P[known]
 
 
-def _missed(seen: Look, a: Bernoullis, own: SensorParams) -> tuple[Array, Bernoullis]:
-    """Probability of detection (L,) of visible objects, and the Bernoullis as they are if missed.
-
-    Of one astride the border of the view the part outside weighs more then.
-    """
-    p = detection_probability(seen, a.m, a.P, own.fov_mass)
-    edge = astride(seen, a.m, a.P, own.fov_mass)
-    if not len(edge):
-        return p, a
-    m, P = pieces.split(a.m[edge], a.P[edge])
-    k = len(pieces.WEIGHT)
-    each = detection_probability(
-        seen, m.reshape(-1, m.shape[-1]), np.repeat(P, k, axis=0), own.fov_mass
-    ).reshape(-1, k)
-    p[edge] = each @ pieces.WEIGHT
-    w = pieces.WEIGHT * (1 - each * a.visible[edge, None])
-    m_all, P_all = a.m.copy(), a.P.copy()
-    sure = w.sum(axis=1) > 0
-    m_all[edge[sure]], P_all[edge[sure]] = pieces.united(w[sure], m[sure], P[sure])
-    return p, replace(a, m=m_all, P=P_all)
-
-
 def _found(
     seen: Look, own: SensorParams, a: Bernoullis, p: Array,
     log_l: Array, z_hat: Array, C: Array, S: Array,
@@ -327,10 +305,9 @@ def _first_detections(
     w, m, P = undetected
     if not len(w):
         return undetected, (even, m_even, P_even)
-    w, m, P = _told_apart(undetected, seen, own)
     z_hat, C, S = expected(seen, m, P, own.unscented)
     S = np.broadcast_to(S[:, None] + seen.R, (len(w), n, 2, 2))
-    p = detection_probability(seen, m, P, own.fov_mass)
+    p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
     density = np.zeros((len(w) + 1, n))
     log_l = gaussians.log_likelihood(seen.z, z_hat, S, seen.period, params.gate)
     density[:-1], density[-1] = (p * w)[:, None] * np.exp(log_l), even
@@ -340,16 +317,4 @@ def _first_detections(
     m_all[j, i] = gaussians.correct(m[j], K, seen.z[i], z_hat[j], seen.period)
     known = np.maximum(p[j], TINY)
     density[j, i] *= detection_probability(seen, m_all[j, i], P_all[j, i], own.fov_mass) / known
-    return (w * (1 - p), m, P), first_detections(density, m_all, P_all)
-
-
-def _told_apart(x: births.Components, seen: Look, own: SensorParams) -> births.Components:
-    """The components with what is astride the border of the view in pieces."""
-    w, m, P = x
-    edge = astride(seen, m, P, own.fov_mass)
-    if not len(edge):
-        return x
-    rest, k = np.delete(np.arange(len(w)), edge), len(pieces.WEIGHT)
-    m_parts, P_parts = pieces.split(m[edge], P[edge])
-    parts = (w[edge, None] * pieces.WEIGHT).ravel(), m_parts.reshape(-1, m.shape[-1])
-    return births.join((w[rest], m[rest], P[rest]), (*parts, np.repeat(P_parts, k, axis=0)))
+    return (w * (1 - p), m_missed, P_missed), first_detections(density, m_all, P_all)

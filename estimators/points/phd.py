@@ -21,26 +21,28 @@ from ...models.records import Array, Estimates, Objects, Recording, Scan
 from ...models.regions import polygons, statistics
 from .clutter_map import Maps, learnt, persistent
 from .cuts import Cut, Told
-from .kernels import births, pieces
+from .kernels import births
 from .kernels.association import marginals
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .sensing import (
     Look,
     SensorParams,
-    astride,
     at_once,
     count,
     detection_probability,
     expected,
     looks,
     per_stream,
+    unseen,
 )
 from .source import MADE, Classes, Nothing, Source, recognised
 from .targets import Interval, TargetParams, born, elapse, limit, newborn, settled
 
 TINY = 1e-300
 """Least density that a weight is divided by."""
+EXPLAINED = 0.05
+"""Share of a component that detections have taken, from which on the rest stays where it is."""
 SURE = 1e-12
 """Least probability that a target is missed."""
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
@@ -123,11 +125,6 @@ class Mixture:
     def take(self, index: Array) -> Mixture:
         """The components ``index``."""
         return Mixture(self.w[index], self.m[index], self.P[index], self.label[index])
-
-    def join(self, other: Mixture) -> Mixture:
-        """The components of both."""
-        pairs = ((getattr(self, name), getattr(other, name)) for name in Mixture.__slots__)
-        return Mixture(*(np.concatenate(pair) for pair in pairs))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,10 +237,9 @@ def update(
     least = min(params.prune_weight, NEGLIGIBLE) if counted else params.prune_weight
     taken, missed = [], float(mixture.w.sum())
     for seen, own in looks:
-        x, origin = _told_apart(x, seen, own)
-        found = _corrected(x, target[origin], q, seen, own, params.gate, least)
+        found = _corrected(x, target, q, seen, own, params.gate, least)
         x, target, q, missed, by_others, source = found
-        is_new = is_new[origin][source]
+        is_new = is_new[source]
         taken.append(by_others)
     if params.drop_missed_births:
         late = (target < 0) & is_new
@@ -252,23 +248,6 @@ def update(
     first = len(q) - np.cumsum([len(t) for t in taken[::-1]])[::-1]
     novelty = tuple(1 - t - q[f : f + len(t)] for t, f in zip(taken, first.tolist(), strict=True))
     return Posterior(x, target, missed, q, novelty)
-
-
-def _told_apart(x: Mixture, seen: Look, own: SensorParams) -> tuple[Mixture, Array]:
-    """The mixture with what is astride the border of the view in pieces, and of which each is."""
-    edge = astride(seen, x.m, x.P, own.fov_mass)
-    rest = np.delete(np.arange(len(x.w)), edge)
-    if not len(edge):
-        return x, rest
-    m, P = pieces.split(x.m[edge], x.P[edge])
-    k = len(pieces.WEIGHT)
-    parts = Mixture(
-        (x.w[edge, None] * pieces.WEIGHT).ravel(),
-        m.reshape(-1, m.shape[-1]),
-        np.repeat(P, k, axis=0),
-        np.repeat(x.label[edge], k),
-    )
-    return x.take(rest).join(parts), np.concatenate((rest, np.repeat(edge, k)))
 
 
 def _corrected(
@@ -284,7 +263,7 @@ def _corrected(
     w, m, P, T, n = x.w, x.m, x.P, len(q), len(seen.z)
     z_hat, C, S = expected(seen, m, P, own.unscented)
     S = S[:, None] + seen.R
-    p = detection_probability(seen, m, P, own.fov_mass)
+    p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
     hit = w[:, None] * np.exp(gaussians.log_likelihood(seen.z, z_hat, S, seen.period, gate))
     hit *= _found(seen, own, x, z_hat, C, S, hit, p)
     free = target < 0
@@ -307,6 +286,12 @@ def _corrected(
         weight *= 1 - by_others
         weight[j, i] = hit[j, i] * (taken / sum_hit)[of]
         begun = begun * (1 - by_others)
+    # Of a target that has been detected no part moves out of view, to be counted beside it.
+    explained = weight.sum(1) > EXPLAINED * w
+    m_missed, P_missed = (
+        np.where(explained.reshape(-1, *[1] * (a.ndim - 1)), a, b)
+        for a, b in ((m, m_missed), (P, P_missed))
+    )
     kept = np.flatnonzero(missed > least)
     j, i = np.nonzero(weight > least)
     if S.shape[1] == 1:
@@ -318,8 +303,8 @@ def _corrected(
     source = np.concatenate((kept, j))
     after = Mixture(
         np.concatenate((missed[kept], weight[j, i])),
-        np.concatenate((m[kept], m_new)),
-        np.concatenate((P[kept], P_new)),
+        np.concatenate((m_missed[kept], m_new)),
+        np.concatenate((P_missed[kept], P_new)),
         x.label[source],
     )
     of = np.concatenate((target[kept], np.where(free[j], T + i, target[j])))

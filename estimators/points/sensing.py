@@ -12,6 +12,7 @@ from math import inf, pi
 from typing import Any, TypeVar
 
 import numpy as np
+from scipy.special import ndtri
 
 from ...models.detection import View, polar
 from ...models.errors import InputError
@@ -19,10 +20,13 @@ from ...models.parameters import REQUIRED, as_dict, parameter, require, resolve
 from ...models.poses import pose_at
 from ...models.records import Array, Recording, Scan, Sensor
 from ...models.regions import area, box, mass, polygon
+from .kernels import pieces
 from .source import MADE, Sight
 
 STREAMS = ("position", "range_bearing")
 UNKNOWN = "where the clutter lies is not known: give clutter_region or max_range"
+FLAT = 1e-3
+"""Change of the mass in view over a deviation, below which it has no direction."""
 REACH = 5.0
 """Standard deviations from the border of the view, beyond which no mass crosses it."""
 PART = 0.01
@@ -256,12 +260,68 @@ def detection_probability(look: Look, m: Array, P: Array, fov_mass: bool) -> Arr
     return np.asarray(look.p_detect * inside(look, m, P, fov_mass))
 
 
-def astride(look: Look, m: Array, P: Array, fov_mass: bool) -> Array:
-    """Which Gaussians (k,) are inside the view in part."""
-    if not fov_mass or look.view == View():
-        return np.zeros(0, np.int64)
-    share = inside(look, m, P, True)
-    return np.flatnonzero((share > PART) & (share < 1 - PART))
+def unseen(
+    look: Look, m: Array, P: Array, visible: Array, fov_mass: bool
+) -> tuple[Array, Array, Array]:
+    """Probability (J,) that ``visible`` targets are detected, and their m, P if they are missed.
+
+    Of one astride the border of the view the part outside weighs more then: the moments are those
+    of its pieces, and what is in view of the Gaussian is as likely as it has become, so that who is
+    never looked at is not forgotten bit by bit.
+    """
+    p = detection_probability(look, m, P, fov_mass)
+    share = p / (look.p_detect or 1.0)
+    edge = np.flatnonzero((share > PART) & (share < 1 - PART)) if fov_mass else np.zeros(0, int)
+    if not len(edge):
+        return p, m, P
+    across = _inwards(look, m[edge], P[edge])
+    parts, narrow = pieces.split(m[edge], P[edge], across)
+    J, k, dx = parts.shape
+    each = inside(look, parts.reshape(-1, dx), np.repeat(narrow, k, axis=0), True).reshape(J, k)
+    hit = look.p_detect * visible[edge, None]
+    w = pieces.WEIGHT * (1 - hit * each)
+    mean, spread = pieces.united(w + 1e-12, parts, narrow)
+    before = each @ pieces.WEIGHT
+    after = before * (1 - hit[:, 0]) / np.maximum(1 - hit[:, 0] * before, 1e-12)
+    m, P = m.copy(), P.copy()
+    m[edge], P[edge] = _pushed_out(m[edge], P[edge], mean, spread, across, before, after)
+    p[edge] = look.p_detect * before
+    return p, m, P
+
+
+def _inwards(look: Look, m: Array, P: Array) -> Array:
+    """Direction (J, 2) in which the mass in view grows, zero where there is none."""
+    step = 0.5 * np.sqrt(np.diagonal(P[:, :2, :2], axis1=1, axis2=2))
+    change = np.zeros((len(m), 2))
+    for axis in (0, 1):
+        ahead, behind = m.copy(), m.copy()
+        ahead[:, axis] += step[:, axis]
+        behind[:, axis] -= step[:, axis]
+        change[:, axis] = inside(look, ahead, P, True) - inside(look, behind, P, True)
+    return np.where(np.abs(change) < FLAT, 0.0, change / step)
+
+
+def _pushed_out(
+    m: Array, P: Array, mean: Array, spread: Array, across: Array, before: Array, after: Array
+) -> tuple[Array, Array]:
+    """The moments ``mean``, ``spread`` of m, P once missed, with the mass ``after`` in view.
+
+    With a border that is straight over a deviation, distance and deviation share what is needed.
+    """
+    u = across / np.maximum(np.hypot(*across.T), 1e-300)[:, None]
+    std, now = (np.sqrt(np.einsum("ja,jab,jb->j", u, A[:, :2, :2], u)) for A in (P, spread))
+    border = np.einsum("ja,ja->j", u, m[:, :2]) - ndtri(before) * std
+    gap = border - np.einsum("ja,ja->j", u, mean[:, :2])
+    wanted = -ndtri(np.maximum(after, PART / 2))
+    short = (gap > 0.1 * now) & (gap < wanted * now)
+    f = np.ones(len(m))
+    f[short] = np.sqrt(wanted[short] * now[short] / gap[short])
+    # Along the regression of the state on the distance from the border.
+    d = (spread[:, :, :2] @ u[..., None])[..., 0] / np.maximum(now, 1e-300)[:, None]
+    shift = np.where(short, (1 - f) * gap, 0.0) / np.maximum(now, 1e-300)
+    return mean + shift[:, None] * d, spread - (1 - f[:, None, None] ** -2) * d[:, :, None] * d[
+        :, None, :
+    ]
 
 
 def positions(look: Look) -> tuple[Array, Array]:
@@ -319,6 +379,6 @@ def _spatial(
 
 
 __all__ = [
-    "STREAMS", "UNKNOWN", "Look", "SensorParams", "astride", "at_once", "count",
-    "detection_probability", "expected", "look", "looks", "per_stream", "positions",
+    "STREAMS", "UNKNOWN", "Look", "SensorParams", "at_once", "count",
+    "detection_probability", "expected", "look", "looks", "per_stream", "positions", "unseen",
 ]  # fmt: skip

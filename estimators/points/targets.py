@@ -224,7 +224,8 @@ def _aged(
     whole = ceil(n) <= _AGES
     edges = np.append(np.arange(ceil(n)), n) if whole else np.linspace(0.0, n, _AGES + 1)
     alive = np.array([appeared(params.p_survive, a, b) for a, b in pairwise(edges.tolist())])
-    moved = [gaussians.predict(m, P, *transition(params, a * unit)) for a in edges[:-1].tolist()]
+    ages = edges[:-1] if whole else (edges[:-1] + edges[1:] - 1) / 2
+    moved = [gaussians.predict(m, P, *transition(params, a * unit)) for a in ages.tolist()]
     m_all, P_all = (np.stack(columns, axis=1) for columns in zip(*moved, strict=True))
     share = np.cumsum(alive) / alive.sum()
     group = np.minimum((share * _GROUPS * (1 - 1e-12)).astype(int), _GROUPS - 1)

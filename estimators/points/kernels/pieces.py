@@ -1,4 +1,4 @@
-"""A Gaussian as a mixture of narrower ones along its longest axis in the plane.
+"""A Gaussian as a mixture of narrower ones along one direction of the plane.
 
 Where something is known of a part of a Gaussian only, such as that a sensor has looked there, its
 pieces can be told apart.
@@ -19,12 +19,17 @@ SHRUNK = float(1 - WEIGHT @ OFFSET**2)
 """Variance of a piece, so that the sum has variance 1."""
 
 
-def split(m: Array, P: Array) -> tuple[Array, Array]:
-    """Means (J, k, dx) and covariances (J, dx, dx) of pieces, whose weights are ``WEIGHT`` (k,)."""
-    variance, axis = np.linalg.eigh(P[:, :2, :2])
-    u = axis[:, :, 1] / np.sqrt(np.maximum(variance[:, 1:], 1e-300))
-    # Along the regression on the position along the axis, which takes the velocity along.
-    d = (P[:, :, :2] @ u[..., None])[..., 0]
+def split(m: Array, P: Array, across: Array) -> tuple[Array, Array]:
+    """Means (J, k, dx) and covariances (J, dx, dx) of pieces, whose weights are ``WEIGHT`` (k,).
+
+    They tell apart where a Gaussian is in the direction ``across`` (J, 2), of any length, and where
+    that is zero along its longest axis.
+    """
+    longest = np.linalg.eigh(P[:, :2, :2])[1][:, :, 1]
+    u = np.where((across == 0).all(1, keepdims=True), longest, across)
+    variance = np.einsum("ja,jab,jb->j", u, P[:, :2, :2], u)
+    # Along the regression of the state on that coordinate, which takes the velocity along.
+    d = (P[:, :, :2] @ u[..., None])[..., 0] / np.sqrt(variance)[:, None]
     pieces = m[:, None] + OFFSET[:, None] * d[:, None]
     return pieces, P - (1 - SHRUNK) * d[:, :, None] * d[:, None, :]
 
