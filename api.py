@@ -9,7 +9,7 @@ from typing import Any
 from . import formats
 from .formats.atomic import atomic
 from .formats.provenance import versions
-from .formats.steps import concatenate
+from .formats.windows import concatenate
 from .models import registry
 from .models.errors import InputError
 from .models.parameters import as_dict, resolve, sensor_model
@@ -55,7 +55,7 @@ def estimate(recording: Recording, estimator: str, seed: int = 1, **parameters: 
     user = ("parameters", parameters)
     params = resolve(module.Params, *sensor_model(setup, module.Params), user)
     rng = generator(seed, f"estimate:{estimator}", recording.meta.name)
-    steps = list(module.estimate(setup, recording.scans(), params, rng))
+    steps: list[Estimates] = list(module.estimate(setup, recording.scans(), params, rng))
     if not steps:
         raise InputError(f"{recording.meta.name}: has no scans to estimate from")
     origin = {"name": recording.meta.name, "digest": formats.observed_digest(recording)}

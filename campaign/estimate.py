@@ -13,7 +13,7 @@ from typing import Any
 
 from numpy.linalg import LinAlgError
 
-from ..formats import EstimatesWriter, estimates_writer, header, open_source, read
+from ..formats import Writer, header, open_source, read, writer
 from ..formats.provenance import versions
 from ..models.checks import check_objects, check_steps
 from ..models.errors import EstimatorError, FormatError, InputError
@@ -83,20 +83,20 @@ def estimate(task: Task) -> Timing:
         seen = (scan for scan in scans if scan.stream in setup.streams)
         steps = _timed(module.estimate(setup, seen, params, rng), task)
         with task.target.open() as target:
-            writer = estimates_writer(target, task.target.format)
+            out = writer(target, task.target.format)
             try:
                 meta = replace(setup.meta, provenance=_provenance(task, params))
                 shown = progress.share(steps, source) if task.show else steps
-                timing = _append(shown, writer, meta)
+                timing = _append(shown, out, meta)
                 deque(scans, maxlen=0)
                 if not timing.time_ns:
                     raise InputError(f"{task.label}: has no scans to estimate from")
                 origin = _origin(task, module, meta.name, source.observed_digest)
                 meta = replace(meta, provenance={**meta.provenance, "input": origin})
-                writer.close(meta, source.recording() if carried else None)
+                out.close(meta, source.recording() if carried else None)
                 return timing
             finally:
-                writer.abort()
+                out.abort()
     finally:
         source.close()
 
@@ -175,11 +175,11 @@ def _provenance(task: Task, params: Any) -> dict[str, Any]:
     }
 
 
-def _append(steps: Iterable[TimedStep], writer: EstimatesWriter, meta: Meta) -> Timing:
+def _append(steps: Iterable[TimedStep], out: Writer, meta: Meta) -> Timing:
     """Write the steps, and tell their times."""
     timing = Timing(meta.name, str(meta.provenance["estimator"]), array("q"), array("d"))
     for step, seconds in steps:
-        writer.append(replace(step, meta=meta))
+        out.append(replace(step, meta=meta))
         timing.time_ns.extend(step.objects.time_ns.tolist())
         timing.seconds.extend([seconds] * len(step.objects.time_ns))
     return timing

@@ -99,17 +99,14 @@ def _recovered(path: Path, task: Task) -> bool:
         return convert(replace(task, recover=False))
     with closing(formats.rescue(path)) as found, task.target.open() as opened:
         writer: Any = None
-        carried: tuple[Recording | None, ...] = ()
         try:
             for window in found:
                 if writer is None:
                     single = isinstance(window, Recording)
                     _known(task.target, "recording" if single else "estimates")
-                    make = formats.recording_writer if single else formats.estimates_writer
-                    writer = make(opened, task.target.format)
-                    carried = () if single else (None,)
+                    writer = formats.writer(opened, task.target.format)
                 writer.append(window)
-            writer.close(found.meta, *(found.recording for _ in carried))
+            writer.close(found.meta, found.recording)
         finally:
             if writer is not None:
                 writer.abort()
@@ -129,13 +126,12 @@ def _passed_on(path: Path, task: Task) -> bool:
     from ..models.records import Recording
 
     with closing(formats.open_windows(path, label(task.label))) as parts:
-        if parts.carries:
+        if parts.has_recording:
             return False
         single = isinstance(parts.head, Recording)
         _known(task.target, "recording" if single else "estimates")
-        make = formats.recording_writer if single else formats.estimates_writer
         with task.target.open() as opened:
-            writer = make(opened, task.target.format)
+            writer = formats.writer(opened, task.target.format)
             try:
                 for window in share(parts, parts) if task.show else parts:
                     writer.append(window)

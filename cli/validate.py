@@ -61,8 +61,8 @@ def _read(task: Task) -> tuple[str, list[str]]:
     from ..models.records import Recording
 
     kinds, oddities = [], list[str]()
-    for carried in (False, True):
-        with closing(formats.open_windows(Path(task.label), carried=carried)) as parts:
+    for recording in (False, True):
+        with closing(formats.open_windows(Path(task.label), recording=recording)) as parts:
             scans: Counter[str] = Counter()
             for window in share(parts, parts) if task.show else parts:
                 for name, stream in getattr(window, "streams", {}).items():
@@ -80,7 +80,7 @@ def _read(task: Task) -> tuple[str, list[str]]:
                     for name in parts.head.streams
                     if not scans[name]
                 ]
-            if not parts.carries:
+            if not parts.has_recording:
                 break
     return kinds[0], oddities
 

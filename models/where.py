@@ -1,4 +1,4 @@
-"""Places in a record, which checks speak of."""
+"""Places in a record, of which checks speak."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from .records import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Where:
     """A dataset or group ``name`` in the record ``path``: its checks fail with that name."""
 
     path: object
     name: str
 
-    def __truediv__(self, name: str) -> Place:
-        return Place(self.path, f"{self.name}/{name}")
+    def __truediv__(self, name: str) -> Where:
+        return Where(self.path, f"{self.name}/{name}")
 
     def fail(self, reason: str, *index: object) -> NoReturn:
         where = f"{self.name}[{', '.join(map(str, index))}]" if index else self.name
@@ -76,9 +76,8 @@ class Place:
         bad[1:] = values[1:] <= values[:-1] if strictly else values[1:] < values[:-1]
         self.none(bad, values, "is out of order")
 
-    def probability(self, values: object, shape: tuple[int, ...]) -> None:
+    def probability(self, p: Array) -> None:
         """Fail at the first value outside [0, 1]."""
-        p = self.array(values, "f8", shape)
         self.none((p < 0) | (p > 1), p, "is not a probability")
 
     def unit(self, values: Array) -> None:
