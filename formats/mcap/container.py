@@ -166,8 +166,8 @@ class Records:
             at += length
 
 
-def ending(source: IO[bytes]) -> tuple[dict[str, Any], dict[str, str]]:
-    """Header of the first record and trailer of a file that can seek, by the summary at its end.
+def ending(source: IO[bytes]) -> tuple[bytes, dict[str, str]]:
+    """Header of the first record, as JSON, and trailer of a file that can seek, by its summary.
 
     A file without one, or whose summary does not name them, is searched for them.
 
@@ -200,7 +200,7 @@ def ending(source: IO[bytes]) -> tuple[dict[str, Any], dict[str, str]]:
                 found.setdefault(part.name, part)
     if len(found) < 2:
         raise ValueError("not a file of echoset")
-    return value(found[HEADER].data), found[TRAILER].metadata
+    return found[HEADER].data, found[TRAILER].metadata
 
 
 def _records(data: bytes) -> Iterator[tuple[int, bytes]]:

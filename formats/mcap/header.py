@@ -8,7 +8,7 @@ from typing import Any
 
 from .. import leaves
 from ..damage import damage
-from .container import ending
+from .container import ending, value
 
 
 def header(source: Path, path: object) -> dict[str, Any]:
@@ -23,7 +23,8 @@ def header(source: Path, path: object) -> dict[str, Any]:
             first, trailer = ending(file)
         version(trailer)
         provenance = json.loads(trailer["provenance"])[""]
-        own = {name: first["leaves"][name] for name in ("kind", "name")}
+        found = value(first)["leaves"]
+        own = {name: found[name] for name in ("kind", "name")}
         return {**trailer, **own, "provenance": provenance}
 
 

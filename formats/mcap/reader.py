@@ -31,7 +31,9 @@ class Section:
             str(p): (_dtype(t).str.lstrip("<|"), tuple(shape))
             for p, (t, shape) in header["columns"].items()
         }
-        self.tables = {t.topic: t for t in tables(self.small, types, self.estimator)}
+        found = tables(self.small, types, self.estimator)
+        self.tables = {t.topic: t for t in found}
+        self.groups = {t.group: tuple(b for b in found if b.group == t.group) for t in found}
         self._empty = {p: np.zeros((0, *shape), dtype) for p, (dtype, shape) in types.items()}
         self._parts: dict[str, list[Any]] = {p: [] for p in types}
         self._digests: dict[str, ArrayDigest] = {p: ArrayDigest() for p in types}

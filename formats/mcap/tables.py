@@ -33,7 +33,7 @@ _POINT_TYPES: Any = {"u1": 1, "i1": 2, "u2": 3, "i2": 4, "u4": 5, "i4": 6, "f4":
 """Numbers of ``foxglove.PackedElementField``'s types."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Table:
     """One topic: its schema, the paths of its leaves by column name, and the types by path.
 

@@ -150,8 +150,7 @@ class Windows:
             section, table, message = item
             waiting.append(item)
             if table.primary:
-                beside = [t.topic for t in section.tables.values() if t.group == table.group]
-                if sorted(beside) != sorted(t.topic for _, t, _ in waiting):
+                if tuple(t for _, t, _ in waiting) != section.groups[table.group]:
                     where = f"{table.group} at {message.log_time} ns"
                     reason = "the values of the scan do not fit its stream"
                     raise FormatError(self.path, where, reason)
