@@ -14,6 +14,7 @@ from echoset.models.multibeam import (
     path_gain,
     steering,
 )
+from echoset.models.parameters import resolve
 
 STATION = BaseStation()
 
@@ -61,4 +62,4 @@ def test_capacity_at_the_published_points() -> None:
 )
 def test_impossible_parameters(name: str, value: float) -> None:
     with pytest.raises(ParameterError, match=name):
-        BaseStation(**{name: value})
+        resolve(BaseStation, ("", {name: value}))
