@@ -14,7 +14,7 @@ from types import ModuleType
 
 import numpy as np
 
-from echoset.estimators.points import mbm, phd
+from echoset.estimators import mbm, phd
 from echoset.formats.importers import autoferry
 from echoset.formats.steps import concatenate
 from echoset.metrics.gospa import Params, gospa
