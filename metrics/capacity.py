@@ -43,7 +43,7 @@ def measure(estimates: Estimates, recording: Recording, params: Params) -> Measu
     if not total:
         raise InputError(f"{recording.meta.name}: capacity: no station with range-angle maps")
     station = resolve(BaseStation, *sensor_model(recording, BaseStation))
-    used = estimates.meta.provenance.get("parameters", {}).get("stations") or total
+    used = estimates.making.parameters.get("stations") or total
     value = capacity(station, used, total, 10 ** (params.snr / 10))
     lists = {"capacity": np.array([value]), "stations": np.array([used])}
     return Measured(estimates.objects.time_ns, {}, 0, lists)
