@@ -25,7 +25,7 @@ Model = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Meta:
-    """What a record is called and where it comes from.
+    """Name and origin of a record.
 
     ``name`` is the base name of the recording: it keys random streams and fills the column
     ``recording`` of scores. ``provenance`` is plain JSON: generator, parameters, seed, versions.
@@ -205,7 +205,7 @@ class Objects:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """What really happened, for scoring: the objects, and the UWB links that were blocked.
+    """The truth, for scoring: the objects, and the UWB links that were blocked.
 
     ``blocked_time_ns``, ``blocked_tx``, ``blocked_rx`` (b,): active link events that delivered
     nothing because something stood in the way.
@@ -274,7 +274,7 @@ class Making:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimates:
-    """What an estimator made of a recording, step by step.
+    """The estimates of a recording, step by step.
 
     ``steps`` holds one value or array per time of ``objects``: ``cardinality_mean``,
     ``cardinality_variance`` and the estimator's diagnostics, (n, ...). ``recording`` is the

@@ -178,7 +178,7 @@ def echoes(
     facing: float,
     rng: np.random.Generator,
 ) -> Echoes:
-    """What a station at ``where`` facing ``facing`` receives of targets (n, 4) in one scan."""
+    """The echoes of targets (n, 4) at a station at ``where`` facing ``facing``, in one scan."""
     position, velocity, rcs = [], [], []
     for kind, x, h in zip(kinds, state, heading, strict=True):
         body = params.bodies[kind]
