@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.errors import InputError
-from ..models.multibeam import BaseStation, capacity
 from ..models.parameters import parameter, resolve, sensor_model
+from ..models.radar.multibeam import BaseStation, capacity
 from ..models.records import Estimates, Recording, Scores
 from .kit.measured import Measured, Names, scorer
 from .kit.table import rows

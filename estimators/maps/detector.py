@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from ...models.classifier import CLASSES, Weights
-from ...models.detection import View
 from ...models.errors import InputError
 from ...models.poses import pose_at
+from ...models.radar.detection import View
 from ...models.records import Array, Objects, Recording, Scan, Sensor
 from ...models.regions import area, box
 from ...models.registry import load

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from echoset.models.errors import ParameterError
-from echoset.models.multibeam import (
+from echoset.models.radar.multibeam import (
     BaseStation,
     Echoes,
     beamformer,
