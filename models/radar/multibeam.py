@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..parameters import parameter, require
+from ..records import Array
 from .ofdm import LIGHT
-from .parameters import parameter, require
-from .records import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from echoset.models.errors import ParameterError
-from echoset.models.multibeam import (
+from echoset.models.parameters import resolve
+from echoset.models.radar.multibeam import (
     BaseStation,
     Echoes,
     beamformer,
@@ -14,7 +15,6 @@ from echoset.models.multibeam import (
     path_gain,
     steering,
 )
-from echoset.models.parameters import resolve
 
 STATION = BaseStation()
 
