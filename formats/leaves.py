@@ -3,7 +3,7 @@
 A leaf's *digest* is a text: its type, shape and the SHA-256 of its bytes. The *content digest* is
 the SHA-256 over all paths and their digests, so that it covers datasets and attributes alike and
 is the same in every format. The *observed digest* leaves out what no estimator may see. What each
-leaf is stands in :mod:`echoset.models.leaves`.
+leaf is stands in :mod:`echoset.models.columns`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..models.checks import NAME
-from ..models.columns import COLUMNS
+from ..models.columns import COLUMNS, INTEGER, OBJECTS, TEXT, TEXTS, UNITS, VALUE, declared
 from ..models.errors import FormatError
-from ..models.leaves import INTEGER, OBJECTS, TEXT, TEXTS, UNITS, VALUE, declared
 from ..models.records import Array, Estimates, Meta, Objects, Recording, Sensor, Stream, Truth
 
 FORMAT_VERSION = 1

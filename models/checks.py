@@ -2,7 +2,7 @@
 
 Writers call :func:`check`, readers have :class:`WindowChecks` look at each window; a whole is one
 window. Each check looks at whole arrays at once and names the first value that breaks the rule, as
-``streams/uwb/rows/distance[12]``. Types and shapes are those of :mod:`.leaves` and :mod:`.columns`.
+``streams/uwb/rows/distance[12]``. Types and shapes are those of :mod:`.columns`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from .columns import ACTIVE, COLUMNS, PASSIVE, REQUIRED, STREAM_KINDS, Column
-from .leaves import BLOCKED, INTEGERS, OBJECTS, SENSOR, Leaf
-from .radar_checks import check_detections
+from .columns import (
+    ACTIVE,
+    BLOCKED,
+    COLUMNS,
+    INTEGERS,
+    OBJECTS,
+    PASSIVE,
+    REQUIRED,
+    SENSOR,
+    STREAM_KINDS,
+    Column,
+    Leaf,
+)
+from .radar.checks import check_detections
 from .records import Array, Estimates, Model, Objects, Recording, Sensor, Stream, Truth
 from .where import Where
 

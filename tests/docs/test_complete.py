@@ -18,8 +18,7 @@ from echoset.cli.main import commands
 from echoset.formats import leaves
 from echoset.formats.importers.csv import mapping
 from echoset.models.classifier import SHAPES
-from echoset.models.columns import COLUMNS, REQUIRED
-from echoset.models.leaves import ESTIMATES, RECORDING, Leaf, declared
+from echoset.models.columns import COLUMNS, ESTIMATES, RECORDING, REQUIRED, Leaf, declared
 from echoset.models.records import Estimates, Recording, Scores
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -145,7 +144,7 @@ def test_scores_weights_and_mappings(written) -> None:
     for name, shape in SHAPES.items():
         assert f"`{name}`" in text and ", ".join(map(str, shape)) in text
     page = (DOCS / "recordings.md").read_text()
-    for field in dataclasses.fields(mapping.Layout):
+    for field in dataclasses.fields(mapping.Mapping):
         assert f"`{field.name}`" in page, field.name
     for kind in mapping.MEASUREMENT:
         (row,) = (line for line in page.splitlines() if line.startswith(f"| `{kind}` |"))
