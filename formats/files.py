@@ -8,7 +8,6 @@ is done with files follows from them here. One that knows whole records only has
 from __future__ import annotations
 
 import io
-import json
 import sys
 from collections.abc import Iterator
 from contextlib import closing
@@ -128,7 +127,7 @@ class Source:
 
 def _identify(source: Target, path: object) -> tuple[Any, str]:
     """The format module of a file by its magic bytes, and its name."""
-    with damage(path, "byte 0"):
+    with damage(path, ""):
         if isinstance(source, Path):
             with source.open("rb") as file:
                 head = file.read(8)
@@ -212,12 +211,17 @@ def read(source: Target, path: object = None) -> Recording | Estimates:
 
 
 def summary(path: Path) -> dict[str, Any]:
-    """Digests, texts and numbers of a file that is sound, and the ``shapes`` of the rest.
+    """Digests, texts and numbers of a record that is sound, and the ``shapes`` of the rest.
+
+    Of scores only what :func:`header` tells.
 
     Raises
     ------
     FormatError : it cannot be read, is damaged or of another kind
     """
+    module, _ = _identify(path, path)
+    if hasattr(module, "header") and (stated := header(path))["kind"] == "scores":
+        return stated
     found: dict[str, Any] = {}
     for recording in (False, True):
         with closing(open_windows(path, path, recording)) as parts:
@@ -248,9 +252,8 @@ def header(path: Path) -> dict[str, Any]:
     """
     module, name = _identify(path, path)
     found = module.header(path, path) if hasattr(module, "header") else summary(path)
-    with damage(path, "provenance"):
-        provenance = json.loads(found["provenance"])
-        return {**provenance, **found, "format": name, "provenance": provenance}
+    provenance = leaves.provenance(found["provenance"], path)
+    return {**provenance, **found, "format": name, "provenance": provenance}
 
 
 def oddities(path: Path) -> Iterator[tuple[str, str]]:

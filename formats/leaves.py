@@ -19,6 +19,7 @@ from ..models.checks import NAME
 from ..models.columns import COLUMNS, INTEGER, OBJECTS, TEXT, TEXTS, UNITS, VALUE, declared
 from ..models.errors import FormatError
 from ..models.records import Array, Estimates, Meta, Objects, Recording, Sensor, Stream, Truth
+from .plain_json import json_object
 
 FORMAT_VERSION = 1
 CONVENTIONS = "ECHOSET-1.0"
@@ -31,6 +32,7 @@ _TYPES: dict[str, tuple[type, ...]] = {
     INTEGER: (int,),
     VALUE: (str, bool, int, float, np.ndarray),
 }
+_ARRAY = (np.ndarray,)
 
 
 def of(record: Recording | Estimates) -> dict[str, Leaf]:
@@ -114,7 +116,7 @@ def record(leaves: Leaves, path: object) -> Recording | Estimates:
             raise FormatError(path, name, f"has no place in a record of kind {kind!r}")
     try:
         texts = {name: str(own[name]) for name in ("name", "epoch", "frame", "origin")}
-        meta = Meta(**texts, provenance=json.loads(str(own["provenance"])))
+        meta = Meta(**texts, provenance=provenance(str(own["provenance"]), path))
         if kind == "estimates":
             beside = below(leaves, "recording")
             return Estimates(
@@ -135,14 +137,25 @@ def record(leaves: Leaves, path: object) -> Recording | Estimates:
         raise FormatError(path, "", f"not an echoset record: {error}") from error
 
 
+def provenance(text: str, path: object) -> dict[str, Any]:
+    """The provenance that files hold as ``text``: a JSON object of plain data.
+
+    Raises
+    ------
+    FormatError : it is none
+    """
+    try:
+        return json_object(text, path)
+    except FormatError as error:
+        raise FormatError(path, "provenance", f"{error.reason} ({error.where})") from error
+
+
 def _verify(name: str, leaf: Leaf, path: object) -> None:
     """Refuse a leaf that is not declared, or not as it is."""
     known = declared(name)
     if known is None:
         raise FormatError(path, name[:200], "has no place in a record")
-    if not isinstance(leaf, _TYPES.get(known.type, (np.ndarray,))) or (
-        known.type == INTEGER and isinstance(leaf, bool)
-    ):
+    if type(leaf) not in _TYPES.get(known.type, _ARRAY) or getattr(leaf, "ndim", 1) == 0:
         wanted = known.type if known.type in _TYPES else "an array"
         raise FormatError(path, name[:200], f"is of type {type(leaf).__name__}, needs {wanted}")
 

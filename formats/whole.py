@@ -10,7 +10,7 @@ from typing import IO, Any
 from ..models.errors import FormatError
 from ..models.records import Estimates, Meta, Recording
 from . import leaves
-from .windows import between, concatenate, spans, times
+from .windows import NONE, between, concatenate, spans, times
 
 
 class WholeWindows:
@@ -35,7 +35,7 @@ class WholeWindows:
         self._whole = record if beside is None or not recording else beside
         if isinstance(self._whole, Estimates):
             self._whole = replace(self._whole, recording=None)
-        self.head = between(self._whole, 0, 0)
+        self.head = between(self._whole, *NONE)
         if isinstance(self._whole, Recording) and not scans:
             streams = {name: s.part(0, 0) for name, s in self._whole.streams.items()}
             self._whole = replace(self._whole, streams=streams)

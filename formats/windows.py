@@ -12,6 +12,8 @@ from ..models.records import Array, Estimates, Objects, Recording, Stream, Truth
 
 WINDOW = 1024
 """Scans or steps that are read or written at once."""
+NONE = (0, -1)
+"""First and last time of a window without any."""
 Record = TypeVar("Record", bound=Recording | Estimates)
 
 
@@ -84,11 +86,10 @@ def part(whole: Estimates, start: int, stop: int) -> Estimates:
 
 
 def between(whole: Record, first: int, last: int) -> Record:
-    """What ``whole`` holds of the times from ``first`` up to, not including, ``last`` [ns]."""
+    """What ``whole`` holds of the times from ``first`` up to ``last`` [ns]."""
 
     def inside(time_ns: Array) -> tuple[int, int]:
-        start, stop = np.searchsorted(time_ns, (first, last)).tolist()
-        return start, stop
+        return span(time_ns, first, last)
 
     if isinstance(whole, Estimates):
         return cast(Record, part(whole, *inside(whole.objects.time_ns)))
@@ -100,6 +101,11 @@ def between(whole: Record, first: int, last: int) -> Record:
         links = (truth.blocked_time_ns, truth.blocked_tx, truth.blocked_rx)
         truth = Truth(objects, *(column[b] for column in links))
     return cast(Record, replace(whole, streams=streams, truth=truth))
+
+
+def span(time_ns: Array, first: int, last: int) -> tuple[int, int]:
+    """Which of these times are from ``first`` up to ``last`` [ns]: start, and stop behind them."""
+    return int(np.searchsorted(time_ns, first)), int(np.searchsorted(time_ns, last, "right"))
 
 
 def times(record: Recording | Estimates) -> list[Array]:
@@ -119,7 +125,7 @@ def windows(whole: Record) -> Iterator[Record]:
 
 
 def spans(times: Iterable[Array], size: int | None = None) -> Iterator[tuple[int, int]]:
-    """First time and the time behind the last [ns] of windows of tables with these ``times``.
+    """First and last time [ns] of windows of tables with these ``times``.
 
     A window ends as soon as it has ``size`` entries (:data:`WINDOW`), all those of one time in it.
     """
@@ -128,7 +134,7 @@ def spans(times: Iterable[Array], size: int | None = None) -> Iterator[tuple[int
     start = 0
     while start + size < len(merged):
         last = int(merged[start + size - 1])
-        yield int(merged[start]), last + 1
+        yield int(merged[start]), last
         start = int(np.searchsorted(merged, last, "right"))
     if start < len(merged) or not start:
-        yield (int(merged[start]), int(merged[-1]) + 1) if len(merged) else (0, 0)
+        yield (int(merged[start]), int(merged[-1])) if len(merged) else NONE

@@ -27,7 +27,7 @@ from .columns import (
     Leaf,
 )
 from .radar.checks import check_detections
-from .records import Array, Estimates, Model, Objects, Recording, Sensor, Stream, Truth
+from .records import Array, Estimates, Meta, Model, Objects, Recording, Sensor, Stream, Truth
 from .where import Where
 
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
@@ -37,6 +37,12 @@ EXTENT_AXES = {"circle": 2, "ellipse": 2, "rectangle": 2, "ellipsoid": 3}
 """Extent kinds and the number of their semi-axes; with three, the rotation is a quaternion."""
 
 
+KEY = re.compile(r"[^\s/.\x00-\x1f\x7f-\x9f\ud800-\udfff][^/\x00-\x1f\x7f-\x9f\ud800-\udfff]*")
+"""What sensor parameters and diagnostics may be called: safe in paths, topics and HDF5."""
+NUMBERS = ("b1", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8")
+"""Types that all formats hold."""
+ROUNDING = 1e-9
+"""How far below zero, of correlations, an eigenvalue of a covariance may be."""
 EXTENT = ("semi_axes", "rotation")
 
 
@@ -47,8 +53,10 @@ def check(record: Recording | Estimates, path: object = "recording") -> None:
     """
     WindowChecks(path).check(record)
     if isinstance(record, Estimates):
-        if not isinstance(record.meta.provenance.get("estimator"), str):
-            Where(path, "provenance").fail("names no estimator")
+        at, name = Where(path, "provenance"), record.meta.provenance.get("estimator")
+        if not isinstance(name, str) or not name:
+            at.fail("names no estimator")
+        _check_shown(name, at / "estimator")
         if record.recording is not None:
             check(record.recording, path)
 
@@ -63,7 +71,10 @@ class WindowChecks:
 
     def check(self, window: Recording | Estimates) -> None:
         """Raise :class:`FormatError` where the window breaks its contract."""
+        if not self._begun:
+            check_meta(window.meta, self._path)
         if isinstance(window, Estimates):
+            self._begun = True
             check_objects(window.objects, "objects", self._path)
             check_steps(window.steps, len(window.objects.time_ns), self._path)
             self._follow("objects", window.objects.time_ns, strictly=False)
@@ -90,6 +101,20 @@ class WindowChecks:
             at = Where(self._path, f"{place}/time_ns")
             at.fail(f"{time_ns[0]} is out of order after {before}", 0)
         self._last[place] = int(time_ns[-1])
+
+
+def check_meta(meta: Meta, path: object = "recording") -> None:
+    """The part of :func:`check` for what a record is called."""
+    for name in ("name", "epoch", "frame", "origin"):
+        Where(path, name).text(getattr(meta, name))
+    _check_shown(meta.name, Where(path, "name"))
+
+
+def _check_shown(name: str, at: Where) -> None:
+    """A name that stands in tables, where spreadsheets take what begins so for a formula."""
+    at.text(name)
+    if name.startswith("="):
+        at.fail(f"{name[:40]!r} begins with '='")
 
 
 def check_sensors(sensors: Mapping[str, Sensor], path: object = "recording") -> None:
@@ -166,6 +191,7 @@ def check_objects(objects: Objects, place: str, path: object = "recording") -> N
         place_.none(np.abs(P - P.swapaxes(1, 2)) > scale, P, "is not symmetric")
         variance = np.diagonal(P, axis1=1, axis2=2)
         place_.none(variance < 0, variance, "is a negative variance")
+        place_.none(lowest(P) < -ROUNDING, P[:, 0], "begins a covariance that is not semidefinite")
     if o.existence is not None:
         (at / "existence").probability(o.existence)
     _check_classes(o, at)
@@ -181,10 +207,21 @@ def _check_array(values: Any, leaf: Leaf, sizes: Mapping[str, int], at: Where) -
     dtype = leaf.type
     shape = tuple(sizes[axis] if axis in sizes else int(axis) for axis in leaf.shape)
     if dtype == INTEGERS:
-        if not isinstance(values, np.ndarray) or values.dtype.kind not in "iu":
+        if not _is_numbers(values) or values.dtype.kind not in "iu":
             at.fail("must be an array of integers")
         dtype = values.dtype.str
     at.array(values, dtype, shape)
+
+
+def lowest(P: Array) -> Array:
+    """Lowest eigenvalues (m, 1) of the correlations in symmetric matrices P (m, dx, dx).
+
+    Where a variance is zero, its correlations count as if it were the least positive number.
+    """
+    std = np.sqrt(np.diagonal(P, axis1=1, axis2=2).clip(np.finfo(float).tiny))
+    with np.errstate(over="ignore"):
+        correlation = (P / std[:, :, None] / std[:, None, :]).clip(-1e9, 1e9)
+    return np.linalg.eigvalsh(correlation)[:, :1]
 
 
 def check_steps(steps: Mapping[str, Array], n: int, path: object = "recording") -> None:
@@ -192,7 +229,10 @@ def check_steps(steps: Mapping[str, Array], n: int, path: object = "recording") 
     Where(path, "steps").group(steps)
     for key, values in steps.items():
         at = Where(path, f"steps/{key}")
-        if not isinstance(values, np.ndarray) or values.dtype.kind not in "biuf":
+        _check_key(key, Where(path, "steps"))
+        if key in (leaf.name for leaf in OBJECTS):
+            at.fail("has the name of a column of objects")
+        if not _is_numbers(values):
             at.fail("must be an array of numbers")
         if values.shape[:1] != (n,):
             at.fail(f"has shape {values.shape}, needs {n} steps")
@@ -201,7 +241,8 @@ def check_steps(steps: Mapping[str, Array], n: int, path: object = "recording") 
 
 def _check_sensor(sensor: Sensor, at: Where) -> None:
     (at / "kind").choice(sensor.kind, SENSOR_KINDS)
-    if isinstance(sensor.object, bool) or not isinstance(sensor.object, int) or sensor.object < -1:
+    label = sensor.object
+    if isinstance(label, bool) or not isinstance(label, int) or not -1 <= label < 1 << 63:
         (at / "object").fail(f"{sensor.object!r} is neither a label nor -1")
     k = _length(sensor.time_ns)
     for leaf in SENSOR:
@@ -232,15 +273,31 @@ def _check_nodes(stream: Stream, sensors: Mapping[str, Sensor], at: Where) -> No
 def _check_model(model: Model, at: Where) -> None:
     at.group(model)
     for key, value in model.items():
+        _check_key(key, at)
+        if isinstance(value, str):
+            (at / key).text(value)
         if isinstance(value, str | bool):
             continue
         try:
             values = np.asarray(value)
         except ValueError:
             (at / key).fail("is a ragged list")
-        if values.dtype.kind not in "biuf":
+        if not _is_numbers(values):
+            if isinstance(value, int):
+                (at / key).fail("is an integer that does not fit 8 bytes")
             (at / key).fail(f"{value!r} is neither a number, a text nor a list of numbers")
         (at / key).none(~np.isfinite(np.atleast_1d(values)), np.atleast_1d(values), "is not finite")
+
+
+def _check_key(key: object, at: Where) -> None:
+    """The name of a sensor parameter or diagnostic, which stands in paths."""
+    if not isinstance(key, str) or not KEY.fullmatch(key):
+        at.fail(f"{key!r} is not a legal name")
+
+
+def _is_numbers(values: Any) -> bool:
+    """Whether this is an array of numbers of a type that all formats hold."""
+    return isinstance(values, np.ndarray) and values.dtype.str.lstrip("<|") in NUMBERS
 
 
 def _check_index(time_ns: Array, row_offset: Array, at: Where) -> tuple[int, int]:

@@ -1,9 +1,9 @@
-"""What a record holds: its leaves, and the columns of streams, with their units, types and meaning.
+"""What a record holds: its leaves, and the columns of streams, with their units and meaning.
 
 Checks, units, digests, windows, the topics of MCAP and the tables of ``docs/formats.md`` follow
-from what is declared here. A *scan* column has one value per scan or link event (``map`` an array over range and azimuth), a
-*row* column one value per detection. *Evaluation* columns are for scoring: no estimator sees
-them. Position covariances are upper triangles, ``cov_xx cov_xy cov_yy ...``.
+from what is declared here. A *scan* column has one value per scan or link event (``map`` an array
+over range and azimuth), a *row* column one value per detection. *Evaluation* columns are for
+scoring: no estimator sees them. Position covariances are upper triangles, ``cov_xx cov_xy ...``.
 """
 
 from __future__ import annotations

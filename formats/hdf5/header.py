@@ -11,7 +11,7 @@ import h5py
 from ...models.errors import FormatError
 from .. import leaves
 from ..damage import damage
-from .reader import HEADER, attribute, checked_size, verify_header
+from .reader import HEADER, attribute, checked_size, foreign, verify_header
 
 _LIMIT = 1 << 26
 """Bytes that the digests or the provenance may have."""
@@ -32,6 +32,9 @@ def header(source: Path, path: object) -> dict[str, Any]:
             place = "/"
             wanted = (name for name in (*HEADER, *_OWN) if name in file.attrs)
             found = {name: attribute(file, name) for name in wanted}
+            absent = [name for name in HEADER if name not in found]
+            if absent:
+                raise FormatError(path, place, foreign(absent[0]))
             digests = json.loads(_text(file, "tokens"))
             found["provenance"] = _text(file, "provenance")
         expected = leaves.header(digests)

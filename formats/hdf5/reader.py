@@ -20,7 +20,7 @@ from .. import leaves
 from ..damage import damage
 from ..leaves import ArrayDigest, Leaf
 
-HEADER = {"Conventions", "format_version", "content_digest", "observed_digest"}
+HEADER = ("Conventions", "format_version", "content_digest", "observed_digest")
 _MAX_DEPTH, _MAX_NODES, _MAX_TEXT = 8, 20_000, 1 << 24
 _MAX_CHUNK, _LARGE = 1 << 26, 1 << 18
 """Bytes of a chunk, which is read whole; and stored ones from which on it is looked into before,
@@ -48,6 +48,9 @@ class LeafReader:
             with damage(path, lambda: self._place):
                 self._walk(self.file, "", 0)
                 self._place = "/"
+                absent = [name for name in (*HEADER, "tokens") if name not in self.leaves]
+                if absent:
+                    raise FormatError(path, "/", foreign(absent[0]))
                 self.header = {k: self.leaves.pop(k) for k in HEADER}
                 self.digests: dict[str, str] = json.loads(self._value("tokens"))
                 del self.leaves["tokens"]
@@ -66,7 +69,7 @@ class LeafReader:
         for name in group:
             path = prefix + name
             self._visit(path)
-            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            if group.id.links.get_info(name.encode()).type != h5py.h5l.TYPE_HARD:
                 raise FormatError(self.path, path, "soft and external links are refused")
             item = group[name]
             if isinstance(item, h5py.Group):
@@ -86,7 +89,10 @@ class LeafReader:
     def _check_size(self, path: str, data: h5py.Dataset) -> None:
         """Refuse types, links to other files and sizes that we never write."""
         kind = data.dtype.kind
-        if kind not in "iufS" or data.ndim > 4 or data.is_virtual or data.external:
+        if data.is_virtual or data.external:
+            way = "a virtual dataset: its" if data.is_virtual else "an external dataset: its"
+            raise FormatError(self.path, path, f"{way} values stand in other files, none is read")
+        if kind not in "biufS" or data.ndim > 4:
             raise FormatError(self.path, path, f"type {str(data.dtype)[:40]} is not expected")
         self._bytes += data.nbytes
         if self._bytes > _ALLOWANCE + _RATIO * self._size:
@@ -160,6 +166,11 @@ class LeafReader:
         return found
 
 
+def foreign(absent: str) -> str:
+    """What is said of a file without what all of ours have."""
+    return f"not a file of echoset: {absent} is missing (logs of others: convert --from)"
+
+
 def verify_header(path: object, name: str, stated: object, value: object) -> None:
     """Refuse what a file states of itself unless it is the ``value`` that its leaves give."""
     if stated == value:
@@ -193,10 +204,10 @@ def attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
     stored = item.attrs.get_id(name)
     if stored.shape != () or stored.dtype.kind not in "iufbS":
         raise ValueError(f"the attribute {name[:40]!r} is no number or text of fixed length")
-    value = item.attrs[name]
-    if isinstance(value, bytes):
-        return value.decode()
-    return value.item() if isinstance(value, np.generic) else value
+    data = np.empty((), stored.dtype)
+    stored.read(data)
+    value = data.item()
+    return value.decode() if isinstance(value, bytes) else value
 
 
 class Column:

@@ -14,7 +14,7 @@ from ...models.errors import FormatError
 from ...models.records import Array, Estimates, Meta, Recording
 from ...models.where import Where
 from .. import leaves
-from ..windows import spans
+from ..windows import span, spans
 from .reader import Column, LeafReader
 
 
@@ -104,9 +104,7 @@ class Windows:
         checks = WindowChecks(self.path)
         for first, last in spans(times.values(), self._size):
             window: dict[str, Any] = {}
-            inside = {
-                table: np.searchsorted(t, (first, last)).tolist() for table, t in times.items()
-            }
+            inside = {table: span(t, first, last) for table, t in times.items()}
             for table, (start, stop) in inside.items():
                 window[f"{table}/time_ns"] = times[table][start:stop]
                 if table in offsets:

@@ -41,6 +41,8 @@ _MAX_NAMES = 1 << 17
 HEADER, TRAILER = "echoset/header.json", "echoset"
 """Names of the attachment that begins a record, and of the metadata that end a file."""
 
+FOREIGN = "not a file of echoset (logs of others are read by convert --from)"
+
 Part = Channel | Message | Attachment | Metadata
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -199,7 +201,7 @@ def ending(source: IO[bytes]) -> tuple[bytes, dict[str, str]]:
             if isinstance(part, Attachment | Metadata) and part.name in (HEADER, TRAILER):
                 found.setdefault(part.name, part)
     if len(found) < 2:
-        raise ValueError("not a file of echoset")
+        raise ValueError(FOREIGN)
     return found[HEADER].data, found[TRAILER].metadata
 
 

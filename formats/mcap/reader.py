@@ -12,7 +12,7 @@ from mcap.records import Attachment, Channel, Message, Metadata
 from .. import leaves
 from ..damage import damage
 from ..leaves import ArrayDigest, Leaf
-from .container import HEADER, TRAILER, Records, value
+from .container import FOREIGN, HEADER, TRAILER, Records, value
 from .header import version
 from .tables import Table, tables
 
@@ -156,7 +156,7 @@ class Pass:
 
     def _verify(self) -> None:
         if not self.sections or not self.trailer:
-            raise ValueError("not a file of echoset")
+            raise ValueError(FOREIGN)
         version(self.trailer)
         digests, stored = self.digests(), value(self.trailer["tokens"])
         for path in sorted(stored.keys() | digests.keys()):

@@ -107,8 +107,8 @@ class Windows:
         meta: Meta = self.head.meta
         if self._known is not None:
             return meta
-        with damage(self.path, "provenance"):
-            return replace(meta, provenance=json.loads(self._pass.provenance[self._name]))
+        text = self._pass.provenance[self._name]
+        return replace(meta, provenance=leaves.provenance(text, self.path))
 
     @property
     def digests(self) -> dict[str, str]:
@@ -210,7 +210,7 @@ class Rescue(Windows):
             said["damage"] = f"{self.damage.where}: {self.damage.reason}"
         known = meta.provenance
         if self._pass.trailer:
-            known = {**known, **json.loads(self._pass.provenance[""])}
+            known = {**known, **leaves.provenance(self._pass.provenance[""], self.path)}
         return replace(meta, provenance={**known, "recovered": said})
 
     @property

@@ -18,7 +18,8 @@ import numpy as np
 from ...models.errors import FormatError, ParameterError
 from ...models.records import Scores
 from ...models.words import Words, words
-from .text import COLUMNS, NAMES, NUMBERS, from_csv, from_json, json_object, to_csv, to_json
+from ..plain_json import json_object
+from .text import COLUMNS, NAMES, NUMBERS, from_csv, from_json, to_csv, to_json
 
 SUFFIXES = {".csv": "csv", ".json": "json", ".h5": "h5", ".hdf5": "h5"}
 Target = Path | IO[bytes]

@@ -240,7 +240,7 @@ def test_h5_data_in_other_files(h5, tmp_path):
     def put(file):
         file.create_dataset("x", (4,), "f8", external=[("/etc/passwd", 0, 32)])
 
-    refused(edited(h5, put), "x: type")
+    refused(edited(h5, put), "x: an external dataset")
 
     def virtual(file):
         del file["x"]
@@ -248,7 +248,7 @@ def test_h5_data_in_other_files(h5, tmp_path):
         layout[:] = h5py.VirtualSource(str(tmp_path / "none.h5"), "x", (4,))
         file.create_virtual_dataset("x", layout)
 
-    refused(edited(h5, virtual), "x: type")
+    refused(edited(h5, virtual), "x: a virtual dataset")
 
 
 def test_h5_text_in_a_heap(h5):
