@@ -10,6 +10,7 @@ from . import formats
 from .formats.atomic import atomic
 from .formats.provenance import versions
 from .formats.steps import concatenate
+from .metrics import run
 from .models import registry
 from .models.errors import InputError
 from .models.parameters import as_dict, resolve, sensor_model
@@ -80,8 +81,5 @@ def score(estimates: Estimates, recording: Recording, metric: str, **parameters:
     ParameterError : an unknown metric or parameter, or an impossible value
     InputError : there is no truth, or it or the estimates lack what the metric needs
     """
-    module = registry.load("echoset.metrics", metric)
-    user = ("parameters", parameters)
-    params = resolve(module.Params, *sensor_model(recording, module.Params), user)
-    scores: Scores = module.score(estimates, recording, params)
-    return scores
+    found = run.score(metric, [("parameters", parameters)], estimates, recording)
+    return replace(found, provenance={**found.provenance, "versions": versions()})

@@ -10,11 +10,11 @@ from pathlib import Path
 from .. import formats
 from ..formats.provenance import versions
 from ..metrics.beside import TruthWindow, is_one_object
-from ..metrics.kit.table import concatenate
-from ..metrics.run import GROUP, MetricRun
+from ..metrics.protocol import GROUP, load
+from ..metrics.run import MetricRun
 from ..models import registry
 from ..models.errors import InputError, ParameterError
-from ..models.parameters import Layer, as_dict, suggestion
+from ..models.parameters import Layer, suggestion
 from ..models.records import Estimates, Recording, Scores
 from . import inputs, log, progress, truth
 from .progress import announce_compilation
@@ -79,10 +79,8 @@ def score(task: Task) -> Scores:
     kept = [table for table in tables if table is not None]
     if not kept:
         raise refused[0]
-    used = {
-        m.name: as_dict(m.params) for m, t in zip(running, tables, strict=True) if t is not None
-    }
-    return replace(concatenate(kept), provenance={"metrics": used, "versions": versions()})
+    used = {name: p for t in kept for name, p in t.provenance["metrics"].items()}
+    return replace(Scores.join(kept), provenance={"metrics": used, "versions": versions()})
 
 
 def _measure(
@@ -127,7 +125,7 @@ def layers(names: Iterable[str], user: Iterable[Layer]) -> Layers:
     ------
     ParameterError : an unknown metric, or a parameter that none of the metrics has
     """
-    fields = {name: set(registry.load(GROUP, name).Params.__dataclass_fields__) for name in names}
+    fields = {name: set(load(name).Params.__dataclass_fields__) for name in names}
     found: dict[str, list[Layer]] = {name: [] for name in fields}
     metrics, parameters = set(registry.names(GROUP)), set[str]().union(*fields.values())
     for source, values in user:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..formats.provenance import versions
-from ..metrics.kit.table import concatenate, rows
+from ..metrics.kit.table import rows
 from ..models.records import Scores
 from .estimate import Timing
 
@@ -24,4 +24,4 @@ def scores(timings: Iterable[Timing]) -> Scores:
         stderr = seconds.std() / np.sqrt(len(seconds))
         tables.append(rows(key, np.array(timing.time_ns) / 1e9, seconds))
         tables.append(rows(key, np.nan, seconds.mean(), len(seconds), stderr))
-    return replace(concatenate(tables), provenance={"versions": versions()})
+    return replace(Scores.join(tables), provenance={"versions": versions()})

@@ -76,9 +76,9 @@ def command(
     from ..metrics import pooling
     from ..metrics import segments as spans
     from ..metrics.gate import Gate
-    from ..metrics.kit.table import concatenate
-    from ..metrics.run import GROUP
+    from ..metrics.protocol import GROUP
     from ..models import registry
+    from ..models.records import Scores
 
     target = single(output, scores_format(output), overwrite)
     limits = [Gate.parse(text) for text in gates]
@@ -90,12 +90,11 @@ def command(
     asked, alone = bool(metrics), len(estimates) == 1
     tasks = [Task(s, places, chosen, asked, alone) for s in execution.places(estimates)]
     done = batch.run(score, tasks, execution)
-    quadratic = {q for name in names for q in registry.load(GROUP, name).QUADRATIC}
-    table = concatenate(done.results)
+    table = Scores.join(done.results)
     if bounds:
-        table = spans.segments(table, bounds, quadratic)
+        table = spans.segments(table, bounds)
     if pool:
-        table = concatenate([table, pooling.pool(table, quadratic)])
+        table = Scores.join([table, pooling.pool(table)])
     failures = [line for limit in limits for line in limit.failures(table)]
     with target.open() as opened:
         files.write(table, opened, target.format)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from echoset.metrics.kit.table import concatenate, rows
+from echoset.metrics.kit.table import rows
 from echoset.metrics.pooling import pool
 from echoset.report.plots.protocol import Inputs
 from echoset.simulate.radar_extended import Params

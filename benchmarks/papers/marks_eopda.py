@@ -20,7 +20,6 @@ from scene import simulated
 
 import echoset
 from echoset.metrics.bounds import pcrlb
-from echoset.metrics.kit.table import concatenate
 from echoset.models.records import Array, Estimates, Recording, Scores
 
 SEED = 1

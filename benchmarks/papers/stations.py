@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from echoset.control.stations import FILTERS, GATES, Condition
-from echoset.metrics.kit.table import concatenate
 from echoset.metrics.pooling import pool
 from echoset.models.records import Scores
 from echoset.report.plots import style

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from echoset.formats import scores as archive
-from echoset.metrics.kit.table import concatenate
 from echoset.metrics.pooling import pool
 from echoset.report.plots.protocol import Inputs
 

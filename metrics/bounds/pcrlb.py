@@ -24,8 +24,8 @@ from ...models.motion import constant_velocity
 from ...models.parameters import parameter, require
 from ...models.records import Array, Estimates, Recording, Scores, Stream
 from ...models.uwb import free_space_amplitude, range_std
-from ..kit.alignment import Window, interpolate, seconds
-from ..kit.table import concatenate, rows
+from ..kit.alignment import ScoredObject, interpolate, seconds
+from ..kit.table import rows
 from . import paths
 from .information import covariance_bounds, information
 
@@ -39,7 +39,7 @@ QUADRATIC = ("pcrlb",)
 
 
 @dataclass(frozen=True, slots=True)
-class Params(Window):
+class Params(ScoredObject):
     """The filter's model: measurements, transitions, prior."""
 
     mean_scatter: float = parameter(5.0, "1", "mean number of scatter measurements of a link")
@@ -61,7 +61,7 @@ class Params(Window):
     prior_depth: tuple[float, float] = parameter((0.01, 0.2), "m", "w at first: uniform")
 
     def __post_init__(self) -> None:
-        Window.__post_init__(self)
+        ScoredObject.__post_init__(self)
         for name in ("mean_scatter", "mean_clutter", "mean_los"):
             require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
         for name in _POSITIVE:
@@ -130,7 +130,7 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
     valid = (P[:, 5, 5] <= 1.0)[inside]
     key = recording.meta.name, "", f"{name}-valid", "device"
     tables += [rows(key, time, valid), rows(key, np.nan, valid.mean(), len(valid))]
-    return concatenate(tables)
+    return Scores.join(tables)
 
 
 def _stream(recording: Recording) -> Stream:
