@@ -1,4 +1,4 @@
-"""What pictures are made from: any number of inputs, sorted by what they hold."""
+"""The inputs of pictures, any number of them, sorted into recordings, estimates and scores."""
 
 from __future__ import annotations
 

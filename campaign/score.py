@@ -119,7 +119,7 @@ def _whole(source: Path, place: Path | None, label: str) -> tuple[Estimates, Rec
 
 
 def layers(names: Iterable[str], user: Iterable[Layer]) -> Layers:
-    """The user's layers for each metric: what is said for all, then for it by ``<metric>.<name>``.
+    """The user's layers for each metric: those for all, then its own by ``<metric>.<name>``.
 
     Raises
     ------

@@ -22,7 +22,7 @@ from .protocol import Metric
 
 @dataclass(frozen=True, slots=True)
 class Params:
-    """What the users experience."""
+    """The links of the users."""
 
     snr: float = parameter(8.1, "dB", "signal-to-noise ratio of all users, choice")
 

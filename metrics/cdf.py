@@ -26,7 +26,7 @@ GRID = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2
 
 @dataclass(frozen=True, slots=True)
 class Params(ScoredObject):
-    """What is scored, and the thresholds."""
+    """The parts that are scored, and the thresholds."""
 
     parts: tuple[str, ...] = parameter(
         (), "1", "device, centre; empty: all there are", within=PARTS

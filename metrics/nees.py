@@ -28,7 +28,7 @@ PARTS = ("device", "centre")
 
 @dataclass(frozen=True, slots=True)
 class Params(ScoredObject):
-    """What is scored, and the probability of the bounds."""
+    """The parts that are scored, and the probability of the bounds."""
 
     parts: tuple[str, ...] = parameter(
         (), "1", "device, centre; empty: all there are", within=PARTS

@@ -62,7 +62,7 @@ def pool(scores: Scores, by_scenario: bool = False) -> Scores:
 
 
 def _facts(scores: Scores) -> list[tuple[object, ...]]:
-    """What each row says of whatever recording; the time as text, so that NaN equals NaN."""
+    """Each row without its recording; the time as text, so that NaN equals NaN."""
     times = map(repr, scores.time.tolist())
     numbers = times, scores.value.tolist(), scores.n.tolist()
     return list(zip(scores.estimator, scores.metric, scores.part, *numbers, strict=True))

@@ -1,4 +1,4 @@
-"""What a metric is: an object that says what is special about it, or a module with such names."""
+"""A metric: an object with defaults for all but its own, or a module with such names."""
 
 from __future__ import annotations
 

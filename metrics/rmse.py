@@ -24,7 +24,7 @@ from .protocol import Metric
 
 @dataclass(frozen=True, slots=True)
 class Params(ScoredObject):
-    """What is scored, and how its standard error is found."""
+    """The parts that are scored, and the bootstrap of their standard errors."""
 
     parts: tuple[str, ...] = parameter(
         (), "1", "device, centre, extent; empty: all there are", within=PARTS

@@ -22,6 +22,7 @@ class MetricRun:
     def __init__(
         self, name: str, user: Iterable[Layer], estimates: Estimates, recording: Recording
     ) -> None:
+        """The metric ``name`` with its parameters; it does not apply without a stream it needs."""
         self.name, self.dropped = name, False
         self.error: InputError | None = None
         self._metric = load(name)

@@ -38,7 +38,7 @@ from .protocol import Metric
 
 @dataclass(frozen=True, slots=True)
 class Params(Pairing):
-    """Which steps are scored, with which order and cut-off, and what is told of single objects."""
+    """Which steps are scored, with which order and cut-off, and whether object by object."""
 
     by_object: bool = parameter(False, "1", "also completeness and coverage of each true object")
 

@@ -332,24 +332,13 @@ class Scores:
         timed: bool | None = None,
     ) -> Scores:
         """The rows with these names, or that pass; if ``timed`` those per time, else aggregates."""
-        return self.take(np.flatnonzero(self.mask(recording, estimator, metric, part, timed)))
-
-    def mask(
-        self,
-        recording: Which = None,
-        estimator: Which = None,
-        metric: Which = None,
-        part: Which = None,
-        timed: bool | None = None,
-    ) -> Array:
-        """Which rows :meth:`where` takes, (m,) bool."""
         found = np.ones(len(self), bool) if timed is None else np.isnan(self.time) != timed
         asked = (recording, estimator, metric, part)
         for column, which in zip(_NAMES, asked, strict=True):
             if which is not None:
                 test = which if callable(which) else which.__eq__
                 found &= Runs.of(getattr(self, column)).where(test)
-        return found
+        return self.take(np.flatnonzero(found))
 
     @staticmethod
     def join(tables: Iterable[Scores]) -> Scores:

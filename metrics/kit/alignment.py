@@ -141,7 +141,7 @@ def bracket(t: Array, time_ns: Array, scored: Scored) -> tuple[Array, Array, Arr
 def blend(first: Objects, second: Objects, w: Array) -> Objects:
     """``first`` moved towards ``second`` by the share ``w`` (m,), row by row.
 
-    Ellipses rotate the shorter way; what has no value between two is that of ``first``.
+    Ellipses rotate the shorter way; columns without values between two are those of ``first``.
     """
 
     def between(a: Array, b: Array, period: float = np.inf) -> Array:

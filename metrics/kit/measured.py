@@ -1,4 +1,4 @@
-"""What a metric measures over some consecutive steps, so that long recordings pass in windows.
+"""Measures over some consecutive steps, so that long recordings pass in windows.
 
 A metric that goes by steps is two functions: ``measure(estimates, recording, params)`` over any
 window of them, and ``summarise(names, measured, params)`` over all that was measured.
@@ -65,7 +65,7 @@ def of_track(values: Callable[[AlignedTrack, Any], Mapping[str, Array]]) -> Meas
 
 
 def join(parts: Sequence[Measured]) -> Measured:
-    """What was measured over consecutive windows; those without a scored step count but steps."""
+    """Consecutive windows as one; those without a scored step only count theirs as left out."""
     some = [p for p in parts if len(p)]
     left_out = sum(p.left_out for p in parts)
     if not some:
@@ -81,7 +81,7 @@ def join(parts: Sequence[Measured]) -> Measured:
 
 
 def finish(summarise: Summarise, names: Names, parts: Sequence[Measured], params: Any) -> Scores:
-    """The scores of what was measured over all windows.
+    """The scores of the measures over all windows.
 
     Raises
     ------

@@ -20,7 +20,7 @@ from .errors import axes
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AlignedSets:
-    """The scored steps at ``time`` (n,) [s]: what was there and what was estimated.
+    """The scored steps at ``time`` (n,) [s]: true and estimated objects.
 
     ``steps`` (n,) are their indices among those of the estimates. ``truth`` and ``estimate`` have
     n steps; ``position_truth`` (a, d) and ``position_estimate`` (b, d) [m] are the positions of

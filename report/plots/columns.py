@@ -28,7 +28,7 @@ QUANTITIES = {
 
 
 def quantity(metric: str, part: str = "") -> str:
-    """What an axis says of a metric and the part that it scores, with its unit."""
+    """The label of an axis: a metric and the part that it scores, with its unit."""
     name, unit = QUANTITIES.get(metric, (metric, ""))
     of = {"": "", "error": ", error"}.get(part, f" of the {part}")
     return f"{name}{of}" + (f" [{unit}]" if unit else "")
