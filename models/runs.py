@@ -5,12 +5,9 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import accumulate, repeat
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from .records import Array
 
 
 class Runs(Sequence[str]):
@@ -45,12 +42,12 @@ class Runs(Sequence[str]):
         for text, start, end in zip(self._texts, starts, self._ends, strict=False):
             yield text, end - start
 
-    def where(self, test: Callable[[str], bool]) -> Array:
+    def where(self, test: Callable[[str], bool]) -> np.ndarray[Any, Any]:
         """Which rows hold a text of which ``test`` is true, as (n,) bool; asked once a run."""
         found = [(test(text), count) for text, count in self.runs()]
         return np.repeat(*np.array(found, np.int64).reshape(-1, 2).T).astype(bool)
 
-    def take(self, rows: Array) -> Runs:
+    def take(self, rows: np.ndarray[Any, Any]) -> Runs:
         """The texts of the ``rows`` (k,)."""
         at = np.searchsorted(self._ends, rows, side="right")
         new = np.flatnonzero(np.diff(at, prepend=-1))

@@ -28,8 +28,8 @@ from echoset.estimators.gsncp.chain import sample
 from echoset.formats.steps import concatenate
 from echoset.metrics.kit.table import rows
 from echoset.metrics.pooling import pool
-from echoset.models import ofdm
 from echoset.models.parameters import resolve, sensor_model
+from echoset.models.radar import ofdm
 from echoset.models.random import generator
 from echoset.models.records import Estimates, Meta, Recording, Scores
 from echoset.report.plots.protocol import Inputs

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ...models.detection import View
 from ...models.errors import ParameterError
 from ...models.extent import in_plane
 from ...models.poses import pose_at, rotation
-from ...models.records import Array, Estimates, Objects, Recording, Stream
+from ...models.radar.detection import View
+from ...models.records import Array, Estimates, Making, Objects, Recording, Stream
 from ...models.regions import polygon
 from .protocol import Selection
 
@@ -110,8 +110,8 @@ def outlines(objects: Objects, rows: Iterable[int]) -> Iterator[tuple[Array, Arr
 
 def regions(recording: Recording, estimates: Iterable[Estimates]) -> dict[str, Array]:
     """Corners (v, 2) of the regions that estimates or the scenario counted in, by name."""
-    scenario = recording.meta.provenance.get("parameters", {})
-    for parameters in (*(e.parameters for e in estimates), scenario):
+    scenario = Making.of(recording.meta.provenance).parameters
+    for parameters in (*(e.making.parameters for e in estimates), scenario):
         known = parameters.get("regions")
         if known:
             named = known.items() if isinstance(known, Mapping) else enumerate(known, 1)

@@ -142,7 +142,7 @@ def test_scores_weights_and_mappings(written) -> None:
     for name, shape in SHAPES.items():
         assert f"`{name}`" in text and ", ".join(map(str, shape)) in text
     page = (DOCS / "recordings.md").read_text()
-    for field in dataclasses.fields(mapping.Layout):
+    for field in dataclasses.fields(mapping.Mapping):
         assert f"`{field.name}`" in page, field.name
     for kind in mapping.MEASUREMENT:
         (row,) = (line for line in page.splitlines() if line.startswith(f"| `{kind}` |"))

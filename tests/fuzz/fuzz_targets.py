@@ -117,7 +117,7 @@ def _scenario(paths: list[Path]) -> Any:
 
 
 def _mapping(paths: list[Path]) -> Any:
-    return mapping.Layout.of(mapping.load(str(paths[0]))[0], paths[0])
+    return mapping.Mapping.of(mapping.load(str(paths[0]))[0], paths[0])
 
 
 _NUMBER = re.compile(r"\s*[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?\s*", re.ASCII)

@@ -6,17 +6,17 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from ..models.errors import ParameterError
-from .outputs import Target
+from ...models.errors import ParameterError
+from ..outputs import Target
 
-Rule = tuple[Target, Iterable[str | None]]
+Rule = tuple[Target | None, Iterable[str | None]]
 """An output, and the files that it was made from."""
 
 _NEVER = re.compile(r"[;\t\n\r]")
 _SPECIAL = re.compile(r"(\\*)([ #:*?[])")
 
 
-def check(deps: str | None, targets: Iterable[Target], inputs: Iterable[str]) -> None:
+def check(deps: str | None, targets: Iterable[Target | None], inputs: Iterable[str | None]) -> None:
     """Refuse what no rule can say, before the work begins.
 
     Raises
@@ -26,26 +26,25 @@ def check(deps: str | None, targets: Iterable[Target], inputs: Iterable[str]) ->
     if deps is None:
         return
     for target in targets:
-        if target.path is None:
+        if target is None or target.path is None:
             raise ParameterError("--deps needs outputs in files: stdout has no rule")
         _escaped(str(target.path))
-    for name in inputs:
+    for name in filter(None, inputs):
         _escaped(name)
 
 
-def write(deps: str | None, rules: Iterable[Rule]) -> None:
+def write(deps: str, rules: Iterable[Rule]) -> None:
     """Write ``rules`` to the file ``deps``, which is replaced.
 
     Raises
     ------
     OutputError : it cannot be written
     """
-    if deps is None:
-        return
     lines = [
         f"{_escaped(str(target.path)).replace('%', chr(92) + '%')}: "
         + " ".join(_escaped(name).replace("|", "\\|") for name in names if name is not None)
         for target, names in rules
+        if target is not None
     ]
     Target(Path(deps), "text", overwrite=True).write_text("".join(f"{line}\n" for line in lines))
 

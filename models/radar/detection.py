@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .records import Array
+from ..records import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .records import Array
+from ..records import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

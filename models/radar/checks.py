@@ -11,8 +11,8 @@ from math import pi
 
 import numpy as np
 
-from .place import Place
-from .records import Array, Stream
+from ..place import Place
+from ..records import Array, Stream
 
 PLANE = ("cov_xx", "cov_xy", "cov_yy")
 SPACE = (*PLANE, "cov_xz", "cov_yz", "cov_zz")

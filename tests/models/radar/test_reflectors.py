@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from echoset.models.reflectors import pedestrian, vehicle, visibility
+from echoset.models.radar.reflectors import pedestrian, vehicle, visibility
 
 CAR = vehicle(4.5, 1.8, (20.0, 0.0, 5.0), (0.05, 0.2), (0.8, 1.2), (1.7, 2.35))
 

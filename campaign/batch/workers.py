@@ -20,7 +20,7 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Any, Protocol, TypeVar
 
-from . import exits, log
+from .. import exits, log
 
 R = TypeVar("R")
 

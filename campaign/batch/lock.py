@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from fcntl import LOCK_EX, LOCK_NB, flock
 
-from ..models.errors import OutputError, UnavailableError
+from ...models.errors import OutputError, UnavailableError
 
 
 @contextmanager

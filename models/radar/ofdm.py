@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import ncx2
 
-from .records import Array
+from ..records import Array
 
 LIGHT = 299_792_458.0
 """Speed of light [m s-1]."""

@@ -8,21 +8,22 @@ from __future__ import annotations
 
 import pickle
 from collections import Counter, deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from time import perf_counter
 from traceback import format_exception
-from typing import Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
-from ..models.errors import EchosetError, FormatError
-from . import exits, log, progress
+from ...models.errors import EchosetError, FormatError
+from .. import exits, log, progress
+from ..outputs import Existing, Target, say
+from . import makefile
 from .execution import Execution
-from .outputs import say
 from .resume import REDO, SKIP, Decision
 from .summary import Summary
-from .task import Task
+from .task import Task, Whole
 from .workers import Here, Processes, Workers
 
 _ATTEMPTS = 3
@@ -31,7 +32,6 @@ _PATIENCE = 5.0
 """Seconds without news after which the workers are looked after."""
 
 
-T = TypeVar("T", bound=Task)
 R = TypeVar("R")
 
 
@@ -55,20 +55,45 @@ class Done(Generic[R]):
 
 
 def run(
-    work: Callable[[T], R],
-    tasks: Sequence[T],
+    tasks: Sequence[Task[R]],
     execution: Execution,
-    decide: Callable[[T], Decision] | None = None,
-    dry_run: bool = False,
-) -> Done[R]:
-    """``work(task)`` for each of ``tasks`` that ``decide`` does not skip, results in order.
+    existing: Existing | None = None,
+    deps: str | None = None,
+    whole: Whole[R] | None = None,
+) -> None:
+    """Do ``tasks`` and what is made of all their results, and write the rules of ``deps``.
+
+    What is there already is ``existing``; with its ``dry_run`` is only said what would be done.
+
+    Raises
+    ------
+    Ended : not all went well, and what went wrong has been told
+    """
+    dry_run = existing is not None and existing.dry_run
+    whole = whole or Whole()
+    targets: list[Target | None] = [task.target for task in tasks if task.target]
+    targets = targets or [whole.target]
+    makefile.check(deps, targets, (source for task in tasks for source in task.sources))
+    done = perform([task.placed(execution) for task in tasks], execution, dry_run)
+    code = whole.finish(done.results)
+    if deps is not None and not dry_run:
+        good = [tasks[k] for k in done.finished]
+        if whole.target is None or any(task.target for task in tasks):
+            rules = [(task.target, task.sources) for task in good]
+        else:
+            rules = [(whole.target, whole.sources(good))]
+        makefile.write(deps, rules)
+    exits.end(exits.worst(filter(None, (done.exit_code, code)), partial=False))
+
+
+def perform(tasks: Sequence[Task[R]], execution: Execution, dry_run: bool = False) -> Done[R]:
+    """Run each of ``tasks`` that need not be skipped, results in order.
 
     The first failure is raised. With ``keep_going`` each is told in a line, the rest is done, and
-    the exit code is the gravest, for :func:`echoset.campaign.exits.end`. A ``dry_run`` only says on
-    stdout what would be done.
+    the exit code is the gravest. A ``dry_run`` only says on stdout what would be done.
     """
     many = len(tasks) > 1
-    call = _Call(work, decide, dry_run)
+    call: _Call[R] = _Call(dry_run)
     good: dict[int, Outcome[R]] = {}
     with (
         Summary(len(tasks), None if dry_run else execution.summary) as summary,
@@ -113,18 +138,16 @@ def _workers(execution: Execution, tasks: int) -> Workers:
 
 
 @dataclass(frozen=True, slots=True)
-class _Call(Generic[T, R]):
+class _Call(Generic[R]):
     """What a worker does with a task."""
 
-    work: Callable[[T], R]
-    decide: Callable[[T], Decision] | None
     dry_run: bool
 
-    def __call__(self, task: T) -> Outcome[R]:
+    def __call__(self, task: Task[R]) -> Outcome[R]:
         start = perf_counter()
         try:
-            decision = self.decide(task) if self.decide else None
-            result = self.work(task) if _was_run(decision, self.dry_run) else None
+            decision = task.decide()
+            result = task.run() if _was_run(decision, self.dry_run) else None
             return Outcome(decision, result, seconds=perf_counter() - start)
         except BrokenPipeError:
             raise
@@ -155,7 +178,7 @@ def _pickles(error: Exception) -> bool:
 
 
 def _outcomes(
-    call: _Call[T, R], tasks: Sequence[T], workers: Workers
+    call: _Call[R], tasks: Sequence[Task[R]], workers: Workers
 ) -> Generator[tuple[int, Outcome[R]], None, None]:
     """Number and outcome of each task, as they come; no more in flight than the workers can use."""
     waiting = deque(range(len(tasks)))
@@ -186,9 +209,9 @@ def _outcomes(
 
 
 @contextmanager
-def _swept(tasks: Sequence[Task]) -> Iterator[None]:
+def _swept(tasks: Sequence[Task[Any]]) -> Iterator[None]:
     """Remove what killed processes have left of outputs of ``tasks``, before and after."""
-    from ..formats.atomic import sweep
+    from ...formats.atomic import sweep
 
     paths = [task.target.path for task in tasks if task.target and task.target.path]
     sweep(paths)
@@ -198,7 +221,7 @@ def _swept(tasks: Sequence[Task]) -> Iterator[None]:
         sweep(paths)
 
 
-def _told(task: Task, outcome: Outcome[R]) -> str:
+def _told(task: Task[Any], outcome: Outcome[R]) -> str:
     if outcome.decision is not None and outcome.decision.action == SKIP:
         return f"{task.label}: skipped: {outcome.decision.reason}"
     if outcome.decision is not None and outcome.decision.action == REDO:
@@ -206,18 +229,18 @@ def _told(task: Task, outcome: Outcome[R]) -> str:
     return f"{task.label}: done in {outcome.seconds:.3f} s"
 
 
-def _planned(task: Task, decision: Decision | None) -> str:
+def _planned(task: Task[Any], decision: Decision | None) -> str:
     assert decision is not None, "a dry run decides"
     where = task.target.path if task.target and task.target.path else "stdout"
     return f"{decision.action} {where}: {decision.reason}"
 
 
-def _with_name(task: Task, error: Exception) -> Exception:
+def _with_name(task: Task[Any], error: Exception) -> Exception:
     """``error``, its message beginning with the task it is about."""
     if isinstance(error, EchosetError) and not isinstance(error, FormatError):
         return type(error)(_named(task, str(error)))
     return error
 
 
-def _named(task: Task, text: str) -> str:
+def _named(task: Task[Any], text: str) -> str:
     return text if task.label in text else f"{task.label}: {text}"

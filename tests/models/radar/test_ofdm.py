@@ -8,8 +8,8 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 from scipy.special import i0e
 
-from echoset.models import ofdm
-from echoset.models.ofdm import LIGHT, Radar, State
+from echoset.models.radar import ofdm
+from echoset.models.radar.ofdm import LIGHT, Radar, State
 
 FULL = Radar()
 SMALL = Radar(side=4, subcarriers=16, spacing=5e6)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from echoset.models.detection import View, polar
+from echoset.models.radar.detection import View, polar
 from echoset.models.regions import area
 
 

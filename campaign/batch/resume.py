@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..models.errors import FormatError
-from .outputs import Target
+from ...models.errors import FormatError
+from ..outputs import Target
 
 RUN, REDO, SKIP = "run", "redo", "skip"
 
@@ -32,7 +32,7 @@ def decide(target: Target, expected: Callable[[], Mapping[str, Any]]) -> Decisio
     ------
     OutputError : it exists and is not to be replaced
     """
-    from ..formats.atomic import refuse_existing
+    from ...formats.atomic import refuse_existing
 
     path = target.path
     if path is None or not path.exists():
@@ -48,7 +48,7 @@ def decide(target: Target, expected: Callable[[], Mapping[str, Any]]) -> Decisio
 
 def _reason(path: Path, form: Mapping[str, Any], expected: Callable[[], Mapping[str, Any]]) -> str:
     """Why the output at ``path`` cannot stay; nothing if it can."""
-    from ..formats import header
+    from ...formats import header
 
     try:
         found = header(path)

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..models.errors import ParameterError
-from .outputs import DASH, Target
+from ...models.errors import ParameterError
+from ..outputs import DASH, Target
 
 
 @dataclass(frozen=True, slots=True)

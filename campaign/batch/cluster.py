@@ -17,9 +17,9 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, TypeVar
 
-from ..formats.provenance import versions
-from ..models.errors import ParameterError, UnavailableError
-from . import log
+from ...formats.provenance import versions
+from ...models.errors import ParameterError, UnavailableError
+from .. import log
 
 R = TypeVar("R")
 

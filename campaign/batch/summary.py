@@ -9,9 +9,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from ..models.errors import OutputError
-from . import exits
-from .outputs import Target
+from ...models.errors import OutputError
+from .. import exits
+from ..outputs import Target
 from .resume import SKIP, Decision
 from .task import Task
 
@@ -49,7 +49,7 @@ class Summary:
         else:
             self._done += 1
 
-    def add_failure(self, task: Task, error: Exception) -> None:
+    def add_failure(self, task: Task[Any], error: Exception) -> None:
         """Note a task that failed."""
         path = task.target.path if task.target else None
         self.failures.append(
