@@ -15,7 +15,7 @@ from ..estimators.run import GROUP, Estimation, TimedStep
 from ..formats import Writer, header, open_source, read, writer
 from ..formats import scores as files
 from ..formats.provenance import versions
-from ..metrics.kit.table import concatenate, rows
+from ..metrics.kit.table import rows
 from ..models.errors import InputError, ParameterError
 from ..models.parameters import Layer
 from ..models.records import Meta, Recording, Scores
@@ -192,4 +192,4 @@ def _table(timings: Iterable[Timing]) -> Scores:
         stderr = seconds.std() / np.sqrt(len(seconds))
         tables.append(rows(key, np.array(timing.time_ns) / 1e9, seconds))
         tables.append(rows(key, np.nan, seconds.mean(), len(seconds), stderr))
-    return replace(concatenate(tables), provenance={"versions": versions()})
+    return replace(Scores.join(tables), provenance={"versions": versions()})
