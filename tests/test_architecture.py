@@ -104,6 +104,29 @@ def test_imports_go_in_no_circle():
         visit(path, ())
 
 
+def test_what_commands_share_knows_no_command_line():
+    for path in sources("campaign"):
+        assert "click" not in {name for name, _ in imports(path)}, path.relative_to(ROOT)
+
+
+def test_commands_are_thin():
+    lines = {path.name: path.read_text().count("\n") for path in sources("cli")}
+    assert sum(lines.values()) < 1300, lines
+    for path in sources("cli"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef):
+                length = node.end_lineno - node.lineno + 1
+                assert length < 60, f"{path.relative_to(ROOT)}:{node.lineno} has {length} lines"
+
+
+def test_no_folder_has_more_modules_than_one_can_look_over():
+    for package in (*ALLOWED, "benchmarks", "tests"):
+        folders = {path.parent for path in sources(package)}
+        for folder in folders:
+            modules = {path.name for path in folder.glob("*.py")} - {"__init__.py"}
+            assert len(modules) <= 20, f"{folder.relative_to(ROOT)} has {len(modules)} modules"
+
+
 def test_every_package_is_listed():
     config = configparser.ConfigParser()
     config.read(ROOT / "setup.cfg")

@@ -14,10 +14,10 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.special import ndtri
 
-from ...models.detection import View, polar
 from ...models.errors import InputError
 from ...models.parameters import REQUIRED, as_dict, parameter, require, resolve
 from ...models.poses import pose_at
+from ...models.radar.detection import View, polar
 from ...models.records import Array, Recording, Scan, Sensor
 from ...models.regions import area, box, mass, polygon
 from .kernels import pieces

@@ -9,7 +9,7 @@ import pytest
 
 from echoset.estimators.gsncp import dbscan, di_gsncp, oracle
 from echoset.estimators.gsncp.output import Labels
-from echoset.formats.steps import concatenate
+from echoset.formats.windows import concatenate
 from echoset.metrics import ospa_gw
 from echoset.models import extent
 from echoset.models.checks import check, check_objects, check_steps
@@ -44,7 +44,7 @@ def run(module, recording, settings, scans=None, seed=0):
 
 
 def distances(estimates, recording):
-    found = ospa_gw.score(estimates, recording, ospa_gw.Params())
+    found = ospa_gw.METRIC.score(estimates, recording, ospa_gw.METRIC.Params())
     return found.value[(np.array(found.part) == "") & ~np.isnan(found.time)]
 
 
