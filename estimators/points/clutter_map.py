@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.records import Array, Scan
-from .sensing import Look, positions
-from .targets import TargetParams
+from .sensing import Look, SensorParams, positions
 
 NEGLIGIBLE = 1e-3
 """Detections per scan below which a cell is forgotten, so that memory has a bound."""
@@ -61,7 +60,7 @@ Maps = Mapping[str, ClutterMap]
 """Maps by stream."""
 
 
-def persistent(maps: Maps, stream: str, seen: Look, params: TargetParams) -> Array:
+def persistent(maps: Maps, stream: str, seen: Look, params: SensorParams) -> Array:
     """Density (n,) of what persists in a stream at its detections, in their own measure."""
     if stream not in maps:
         return np.zeros(len(seen.z))
@@ -69,7 +68,7 @@ def persistent(maps: Maps, stream: str, seen: Look, params: TargetParams) -> Arr
     return density * seen.z[:, 0] if seen.polar else density
 
 
-def learnt(maps: Maps, scan: Scan, seen: Look, params: TargetParams) -> Maps:
+def learnt(maps: Maps, scan: Scan, seen: Look, params: SensorParams) -> Maps:
     """The maps after a scan, if any are wanted."""
     if not params.clutter_cell:
         return maps

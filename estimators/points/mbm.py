@@ -22,24 +22,15 @@ from ...models.errors import InputError
 from ...models.records import Array, Estimates, Objects, Recording, Scan
 from .clutter_map import learnt, persistent
 from .cuts import Told
+from .edge import detection_probability
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.compiled import gaussians
 from .kernels.gaussians import falling
 from .kernels.smoothing import Epoch, smooth
 from .mbm_filter import Params, State, init, predict, reduce, update
-from .sensing import (
-    UNKNOWN,
-    Look,
-    SensorParams,
-    at_once,
-    count,
-    detection_probability,
-    expected,
-    looks,
-    per_stream,
-    positions,
-)
-from .source import MADE, Nothing, Source, recognised
+from .sensing import UNKNOWN, Look, SensorParams, at_once, count, expected, looks, positions
+from .source import Nothing, Source, recognised
+from .streams import per_stream
 from .targets import Interval, appeared, born, settled
 
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
@@ -86,7 +77,7 @@ class Context:
     def of(setup: Recording, params: Params, source: Source | None = None) -> Context:
         """The context of a recording."""
         params = settled(params, setup)
-        sensing = per_stream(params, setup) | {MADE: params}
+        sensing = per_stream(params, setup)
         return Context(setup, params, sensing, source or Nothing())
 
 

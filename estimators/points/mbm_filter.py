@@ -13,6 +13,7 @@ from ...models.parameters import parameter
 from ...models.records import Array
 from .clutter_map import Maps
 from .cuts import Cut
+from .edge import detection_probability, unseen
 from .kernels import births
 from .kernels.bernoulli import (
     TINY,
@@ -30,14 +31,7 @@ from .kernels.bernoulli import newborn as begun
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
-from .sensing import (
-    Look,
-    SensorParams,
-    detection_probability,
-    expected,
-    positions,
-    unseen,
-)
+from .sensing import Look, SensorParams, expected, positions
 from .source import Classes
 from .targets import Interval, TargetParams, elapse, limit, newborn
 

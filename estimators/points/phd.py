@@ -21,22 +21,14 @@ from ...models.records import Array, Estimates, Objects, Recording, Scan
 from ...models.regions import polygons, statistics
 from .clutter_map import Maps, learnt, persistent
 from .cuts import Cut, Told
+from .edge import detection_probability, unseen
 from .kernels import births
 from .kernels.association import marginals
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
-from .sensing import (
-    Look,
-    SensorParams,
-    at_once,
-    count,
-    detection_probability,
-    expected,
-    looks,
-    per_stream,
-    unseen,
-)
-from .source import MADE, Classes, Nothing, Source, recognised
+from .sensing import Look, SensorParams, at_once, count, expected, looks
+from .source import Classes, Nothing, Source, recognised
+from .streams import per_stream
 from .targets import Interval, TargetParams, born, elapse, limit, newborn, settled
 
 TINY = 1e-300
@@ -181,7 +173,7 @@ class Context:
     def of(setup: Recording, params: Params, source: Source | None = None) -> Context:
         """The context of a recording."""
         params = settled(params, setup)
-        sensing = per_stream(params, setup) | {MADE: params}
+        sensing = per_stream(params, setup)
         return Context(setup, params, sensing, polygons(params.regions), source or Nothing())
 
 

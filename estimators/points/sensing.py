@@ -9,34 +9,33 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import inf, pi
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from scipy.special import ndtri
 
 from ...models.errors import InputError
-from ...models.parameters import REQUIRED, as_dict, parameter, require, resolve
+from ...models.parameters import (
+    REQUIRED,
+    parameter,
+    require,
+)
 from ...models.poses import pose_at
 from ...models.radar.detection import View, polar
 from ...models.records import Array, Recording, Scan, Sensor
-from ...models.regions import area, box, mass, polygon
-from .kernels import pieces
+from ...models.regions import area, box, polygon
 from .source import MADE, Sight
 
 STREAMS = ("position", "range_bearing")
 UNKNOWN = "where the clutter lies is not known: give clutter_region or max_range"
-FLAT = 1e-3
-"""Change of the mass in view over a deviation, below which it has no direction."""
-REACH = 5.0
-"""Standard deviations from the border of the view, beyond which no mass crosses it."""
-PART = 0.01
-"""Mass on either side of the border, from which on a Gaussian is astride it."""
 
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
 class SensorParams:
-    """What is assumed about the sensors; recordings state it about theirs."""
+    """What is assumed about the sensors; recordings state it about theirs.
+
+    What lies may be taken for clutter that persists.
+    """
 
     TITLE = "sensors"
 
@@ -68,39 +67,19 @@ class SensorParams:
         True, "1", "p_detect times the mass inside the view, not all or nothing by the mean"
     )
     unscented: bool = parameter(False, "1", "unscented, not extended, update of range and azimuth")
+    clutter_cell: float = parameter(
+        0.0,
+        "m",
+        "cells of a map of persistent clutter, learnt on the way, as wide as the noise; 0: no map",
+        within="[0, inf)",
+    )
+    clutter_memory: float = parameter(60.0, "s", "time over which it fades", within="(0, inf)")
     sensors: Any = parameter({}, "1", "what differs for single streams: name to parameters")
 
     def __post_init__(self) -> None:
         if self.clutter_region:
             polygon(self.clutter_region, "clutter_region")
         require(isinstance(self.sensors, Mapping), "sensors", "a mapping", self.sensors)
-
-
-P = TypeVar("P", bound=SensorParams)
-
-
-def per_stream(params: P, setup: Recording) -> dict[str, P]:
-    """The parameters as they hold for each stream.
-
-    What ``sensors`` says of a stream wins. Where streams disagree and the common value is but the
-    last stream's (so the user said nothing), each keeps its own.
-    """
-    common = as_dict(params)
-    models = {name: s.model for name, s in sorted(setup.streams.items())}
-    last = {key: value for model in models.values() for key, value in model.items()}
-    found = {}
-    for name, model in models.items():
-        own = {k: v for k, v in model.items() if k in common and _equal(common[k], last[k])}
-        said = params.sensors.get(name, {})
-        require(isinstance(said, Mapping), f"sensors.{name}", "a mapping", said)
-        found[name] = resolve(
-            type(params), ("", common), (f"{name}: model", own), (f"sensors.{name}", said)
-        )
-    return found
-
-
-def _equal(a: Any, b: Any) -> bool:
-    return bool(np.array_equal(np.asarray(a), np.asarray(b)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -234,96 +213,6 @@ def expected(look: Look, m: Array, P: Array, unscented: bool) -> tuple[Array, Ar
     return z_hat + shift, C, e.swapaxes(1, 2) @ e / (2 * d)
 
 
-def inside(look: Look, m: Array, P: Array, fov_mass: bool) -> Array:
-    """Mass (J,) of Gaussians inside the view, or all or nothing by their means."""
-    if look.view == View():
-        return np.ones(len(m))
-    local = (m[:, :2] - look.position) @ look.rotation
-    found = look.view.contains(*polar(local)).astype(float)
-    if fov_mass:
-        reach = REACH * np.sqrt(np.trace(P[:, :2, :2], axis1=1, axis2=2))
-        near = look.view.distance(local) < reach
-        if near.any() and look.view.width > 0:
-            end = float((np.hypot(*local[near].T) + 2 * reach[near]).max())
-            spread = look.rotation.T @ P[near, :2, :2] @ look.rotation
-            found[near] = mass(local[near], spread, look.view.corners(end=end))
-    return found
-
-
-def detection_probability(look: Look, m: Array, P: Array, fov_mass: bool) -> Array:
-    """Probability (J,) that a target with this mean and covariance is in view and detected.
-
-    One minus it is that of a miss. What multiplies the likelihood of a detection z is that of the
-    Gaussian *updated* by z: the integral of 1_V(x) l(z|x) N(x) is the likelihood of z times the
-    mass of the updated Gaussian in the view V.
-    """
-    return np.asarray(look.p_detect * inside(look, m, P, fov_mass))
-
-
-def unseen(
-    look: Look, m: Array, P: Array, visible: Array, fov_mass: bool
-) -> tuple[Array, Array, Array]:
-    """Probability (J,) that ``visible`` targets are detected, and their m, P if they are missed.
-
-    Of one astride the border of the view the part outside weighs more then: the moments are those
-    of its pieces, and what is in view of the Gaussian is as likely as it has become, so that who is
-    never looked at is not forgotten bit by bit.
-    """
-    p = detection_probability(look, m, P, fov_mass)
-    share = p / (look.p_detect or 1.0)
-    edge = np.flatnonzero((share > PART) & (share < 1 - PART)) if fov_mass else np.zeros(0, int)
-    if not len(edge):
-        return p, m, P
-    across = _inwards(look, m[edge], P[edge])
-    parts, narrow = pieces.split(m[edge], P[edge], across)
-    J, k, dx = parts.shape
-    each = inside(look, parts.reshape(-1, dx), np.repeat(narrow, k, axis=0), True).reshape(J, k)
-    hit = look.p_detect * visible[edge, None]
-    w = pieces.WEIGHT * (1 - hit * each)
-    mean, spread = pieces.united(w + 1e-12, parts, narrow)
-    before = each @ pieces.WEIGHT
-    after = before * (1 - hit[:, 0]) / np.maximum(1 - hit[:, 0] * before, 1e-12)
-    m, P = m.copy(), P.copy()
-    m[edge], P[edge] = _pushed_out(m[edge], P[edge], mean, spread, across, before, after)
-    p[edge] = look.p_detect * before
-    return p, m, P
-
-
-def _inwards(look: Look, m: Array, P: Array) -> Array:
-    """Direction (J, 2) in which the mass in view grows, zero where there is none."""
-    step = 0.5 * np.sqrt(np.diagonal(P[:, :2, :2], axis1=1, axis2=2))
-    change = np.zeros((len(m), 2))
-    for axis in (0, 1):
-        ahead, behind = m.copy(), m.copy()
-        ahead[:, axis] += step[:, axis]
-        behind[:, axis] -= step[:, axis]
-        change[:, axis] = inside(look, ahead, P, True) - inside(look, behind, P, True)
-    return np.where(np.abs(change) < FLAT, 0.0, change / step)
-
-
-def _pushed_out(
-    m: Array, P: Array, mean: Array, spread: Array, across: Array, before: Array, after: Array
-) -> tuple[Array, Array]:
-    """The moments ``mean``, ``spread`` of m, P once missed, with the mass ``after`` in view.
-
-    With a border that is straight over a deviation, distance and deviation share what is needed.
-    """
-    u = across / np.maximum(np.hypot(*across.T), 1e-300)[:, None]
-    std, now = (np.sqrt(np.einsum("ja,jab,jb->j", u, A[:, :2, :2], u)) for A in (P, spread))
-    border = np.einsum("ja,ja->j", u, m[:, :2]) - ndtri(before) * std
-    gap = border - np.einsum("ja,ja->j", u, mean[:, :2])
-    wanted = -ndtri(np.maximum(after, PART / 2))
-    short = (gap > 0.1 * now) & (gap < wanted * now)
-    f = np.ones(len(m))
-    f[short] = np.sqrt(wanted[short] * now[short] / gap[short])
-    # Along the regression of the state on the distance from the border.
-    d = (spread[:, :, :2] @ u[..., None])[..., 0] / np.maximum(now, 1e-300)[:, None]
-    shift = np.where(short, (1 - f) * gap, 0.0) / np.maximum(now, 1e-300)
-    return mean + shift[:, None] * d, spread - (1 - f[:, None, None] ** -2) * d[:, :, None] * d[
-        :, None, :
-    ]
-
-
 def positions(look: Look) -> tuple[Array, Array]:
     """Detections as positions (n, 2) in the map with covariances (n, 2, 2)."""
     R = np.broadcast_to(look.R, (len(look.z), 2, 2))
@@ -376,9 +265,3 @@ def _spatial(
         return np.asarray(density * distance if polar_rows else density)
     density = np.full(len(z), 1 / view.area if view.bounded else np.nan)
     return density if polar_rows else density / np.maximum(distance, 1e-9)
-
-
-__all__ = [
-    "STREAMS", "UNKNOWN", "Look", "SensorParams", "at_once", "count",
-    "detection_probability", "expected", "look", "looks", "per_stream", "positions", "unseen",
-]  # fmt: skip

@@ -34,10 +34,7 @@ BIRTHS = ("detections", "edge", "components")
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
 class TargetParams:
-    """Near constant velocity; p_survive and births hold for a step, or for ``time_unit``.
-
-    What lies may be taken for clutter that persists.
-    """
+    """Near constant velocity; p_survive and births hold for a step, or for ``time_unit``."""
 
     TITLE = "targets"
 
@@ -89,13 +86,6 @@ class TargetParams:
     birth_std_velocity: tuple[float, float] = parameter(
         (5.0, 5.0), "m s-1", "spread of velocity", within="(0, inf)"
     )
-    clutter_cell: float = parameter(
-        0.0,
-        "m",
-        "cells of a map of persistent clutter, learnt on the way, as wide as the noise; 0: no map",
-        within="[0, inf)",
-    )
-    clutter_memory: float = parameter(60.0, "s", "time over which it fades", within="(0, inf)")
 
     def __post_init__(self) -> None:
         if self.scene:

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from echoset.estimators.points import mbm, phd
-from echoset.models.detection import View, polar
+from echoset.models.radar.detection import View, polar
 
 EDGE = 0.6
 VIEW = View(-EDGE, EDGE, 0.0, 200.0)

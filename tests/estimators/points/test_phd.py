@@ -10,9 +10,10 @@ from scipy.stats import multivariate_normal
 
 from echoset.estimators.points import phd
 from echoset.estimators.points.sensing import look
+from echoset.estimators.points.streams import resolved
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
-from echoset.models.parameters import resolve
+from echoset.models.parameters import resolve, sensor_model
 from echoset.models.poses import yaw_quaternion
 from echoset.models.records import Sensor, Stream
 
@@ -297,14 +298,20 @@ def test_two_sensors_with_models_of_their_own(make_recording):
             "mast": dataclasses.replace(other.streams["radar"], nodes=("mast",)),
         },
     )
-    params = phd.Params(**{**BASE, "p_detect": 0.9, "std_position": 1.0})
-    own = phd.per_stream(params, both)
+    rest = {k: v for k, v in BASE.items() if k not in ("p_detect", "std_position")}
+
+    def per_stream(**changes):
+        layers = (("rest", rest), ("--set", changes))
+        stated = sensor_model(both, phd.Params)
+        return phd.per_stream(resolved(phd.Params, both, stated, layers), both)
+
+    own = per_stream()
     assert (own["mast"].p_detect, own["radar"].p_detect) == (0.5, 0.9)
-    said = phd.per_stream(
-        dataclasses.replace(params, p_detect=0.7, sensors={"mast": {"std_position": 3}}), both
-    )
+    for p in (0.5, 0.9, 0.90001):
+        assert {v.p_detect for v in per_stream(p_detect=p).values()} == {p}
+    said = per_stream(p_detect=0.7, sensors={"mast": {"std_position": 3}})
     assert (said["mast"].p_detect, said["mast"].std_position) == (0.7, 3.0)
-    steps = run(both, merge_by="leader")
+    steps = run(both, merge_by="leader", sensors={"mast": {"p_detect": 0.5, "std_position": 2.0}})
     assert len(steps) == 5
     assert np.hypot(*(steps[-1].objects.state[0, :2] - [30.0, 70.0])) < 0.1
 

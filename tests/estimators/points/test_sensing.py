@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 
+from echoset.estimators.points.edge import detection_probability
 from echoset.estimators.points.kernels import births
-from echoset.estimators.points.sensing import (
-    Look,
-    SensorParams,
-    detection_probability,
-    expected,
-    look,
-    positions,
-)
+from echoset.estimators.points.sensing import Look, SensorParams, expected, look, positions
 from echoset.models.poses import yaw_quaternion
 from echoset.models.radar.detection import View
 from echoset.models.records import Sensor
