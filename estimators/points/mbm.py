@@ -20,6 +20,7 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array, Estimates, Objects, Recording, Scan
+from ...models.regions import mass, polygons
 from .clutter_map import learnt, persistent
 from .cuts import Told
 from .edge import detection_probability
@@ -63,7 +64,7 @@ def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Context:
-    """What stays: the recording's setup and the parameters, in all and by stream.
+    """What stays: the recording's setup, parameters (in all and by stream), corners of regions.
 
     ``source`` makes detections of scans that hold none.
     """
@@ -71,6 +72,7 @@ class Context:
     setup: Recording
     params: Params
     sensing: Mapping[str, Params]
+    regions: Mapping[str, Array]
     source: Source
 
     @staticmethod
@@ -78,7 +80,7 @@ class Context:
         """The context of a recording."""
         params = settled(params, setup)
         sensing = per_stream(params, setup)
-        return Context(setup, params, sensing, source or Nothing())
+        return Context(setup, params, sensing, polygons(params.regions), source or Nothing())
 
 
 def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, Epoch]:
@@ -155,7 +157,7 @@ def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
         epochs.append(epoch)
         told.warn(state.cut, time_ns, count(together))
         lost = sum(v for name, v in state.cut.items() if name != "max_detections")
-        numbers.append(_numbers(state.mixture, lost))
+        numbers.append(_numbers(state.mixture, lost) | regional(state.mixture, context.regions))
         while epochs and epoch.time_ns - epochs[0].time_ns >= 1e9 * params.lag:
             yield leave()
     while epochs:
@@ -194,6 +196,24 @@ def _even(seen: Look, before: list[Look], gone: Interval, params: Params) -> Arr
     return density
 
 
+def regional(mixture: Mixture, regions: Mapping[str, Array]) -> dict[str, Array]:
+    """Mean and variance of the number of detected targets in each region, (1,) each.
+
+    Those of every hypothesis, and that of their means; E. Delande, J. Houssineau and D. E. Clark,
+    "Regional variance in target number: analysis and application for multi-Bernoulli point
+    processes", Data Fusion & Target Tracking 2014.
+    """
+    a, found = mixture.local, {}
+    for name, corners in regions.items():
+        r = np.append(a.r * mass(a.m[:, :2], a.P[:, :2, :2], corners), 0.0)[mixture.table]
+        mean = r.sum(axis=1)
+        total = mixture.w @ mean
+        variance = mixture.w @ ((r * (1 - r)).sum(axis=1) + (mean - total) ** 2)
+        found[f"region_mean_{name}"] = np.array([total])
+        found[f"region_variance_{name}"] = np.array([variance])
+    return found
+
+
 def _numbers(mixture: Mixture, cut: float = 0.0) -> dict[str, Array]:
     """Mean and variance of the number of detected targets, and the size of the mixture.
 
@@ -209,9 +229,10 @@ def _numbers(mixture: Mixture, cut: float = 0.0) -> dict[str, Array]:
 
 
 def _moved(mixture: Mixture, moved: set[int], params: Params) -> set[int]:
-    """Labels of the tracks that have travelled far enough in the best hypothesis, once or now."""
-    tracks = np.flatnonzero(mixture.table[0] >= 0)
-    way = mixture.local.m[mixture.table[0, tracks]] - mixture.start[tracks]
+    """Labels of the tracks that have travelled far enough from their first detection, ever."""
+    tracks, index = extract(mixture, params)
+    way = mixture.local.m[index] - mixture.start[tracks]
+    way = np.where(np.isnan(way), 0.0, way)
     far = np.hypot(way[:, 0], way[:, 1]) >= params.min_travel
     return moved & set(mixture.label.tolist()) | set(mixture.label[tracks[far]].tolist())
 

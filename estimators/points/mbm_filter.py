@@ -6,11 +6,13 @@ References stand in :mod:`echoset.estimators.points.mbm`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from ...models.parameters import parameter
 from ...models.records import Array
+from ...models.regions import polygons
 from .clutter_map import Maps
 from .cuts import Cut
 from .edge import detection_probability, unseen
@@ -124,9 +126,14 @@ class Params(TargetParams, SensorParams):
         within="[0, inf)",
     )
 
+    regions: Any = parameter(
+        {}, "m", "regions to count targets in: name to x_min, x_max, y_min, y_max or to corners"
+    )
+
     def __post_init__(self) -> None:
         SensorParams.__post_init__(self)
         TargetParams.__post_init__(self)
+        polygons(self.regions)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +191,11 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
         return replace(state, undetected=births.join(old, new)), gone
     w, m, P = births.at_most_one(*new)
     certain = np.ones((len(state.mixture.w), len(w)), bool)
-    return _begin(state, begun(w, m, P), certain), gone
+    state = _begin(state, begun(w, m, P), certain)
+    # A track begins where it is first detected, which is known only then.
+    start = state.mixture.start.copy()
+    start[len(start) - len(w) :] = np.nan
+    return replace(state, mixture=replace(state.mixture, start=start)), gone
 
 
 def update(
@@ -224,7 +235,11 @@ def update(
     local.m[hit] = gaussians.correct(a.m[l], K, seen.z[i], z_hat[l], seen.period)
     local.r[hit] = local.visible[hit] = 1.0
     local.unseen[hit] = 0.0
-    mixture = replace(state.mixture, local=local, w=found.w, table=found.table)
+    start, best = state.mixture.start.copy(), found.table[0]
+    first = np.flatnonzero((best >= 0) & np.isnan(start[:, 0]))
+    first = first[found.detection[best[first]] >= 0]
+    start[first] = local.m[best[first]]
+    mixture = replace(state.mixture, local=local, start=start, w=found.w, table=found.table)
     state = replace(state, mixture=mixture, undetected=undetected)
     r = new / free
     some = np.flatnonzero(r > params.min_existence)

@@ -26,6 +26,8 @@ from ...models.regions import area, box, polygon
 from .source import MADE, Sight
 
 STREAMS = ("position", "range_bearing")
+STEEP = 100.0
+"""Most that a range on the ground changes per metre of the range in space."""
 UNKNOWN = "where the clutter lies is not known: give clutter_region or max_range"
 
 
@@ -58,13 +60,16 @@ class SensorParams:
         0.0, "m", "noise of a range, where the rows state none", within="[0, inf)"
     )
     std_azimuth: float = parameter(
-        0.0, "rad", "noise of an azimuth, where the rows state none", within="[0, inf)"
+        0.0, "rad", "noise of an azimuth, where the rows state none", within="[0, 1.5708]"
     )
     max_range: float = parameter(
         0.0, "m", "end of the view where scans state none; 0: nowhere", within="[0, inf)"
     )
     fov_mass: bool = parameter(
         True, "1", "p_detect times the mass inside the view, not all or nothing by the mean"
+    )
+    target_height: float = parameter(
+        0.0, "m", "height of targets in the map, for sensors that stand above it or are tilted"
     )
     unscented: bool = parameter(False, "1", "unscented, not extended, update of range and azimuth")
     clutter_cell: float = parameter(
@@ -112,22 +117,82 @@ def look(params: SensorParams, scan: Scan, polar_rows: bool, sensor: Sensor) -> 
     InputError : the noise of the detections, or the region of the clutter, is not known
     """
     position, turn = pose_at(sensor, scan.time_ns)
-    p, rotation = position[:2], turn[:2, :2]
+    p, rotation = position[:2], level(turn)
     view = View.of(scan.scan, params.max_range or inf)
-    rows = scan.rows
+    rows, down = scan.rows, params.target_height - position[2]
     if polar_rows:
-        z = np.stack((rows["range"], rows["azimuth"]), 1)
+        z, slope = ground(rows, turn, down)
         R = _polar_noise(params, rows)
+        if slope is not None:
+            R = np.tile(R, (len(z) if len(R) == 1 else 1, 1, 1))
+            R[:, 0, 0] *= slope**2
         where = p + _cartesian(z) @ rotation.T
     else:
-        where = z = p + np.stack((rows["x"], rows["y"]), 1) @ rotation.T
-        R = rotation @ _position_noise(params, rows) @ rotation.T
+        offset, J = _in_plane(rows, turn, down)
+        where = z = p + offset
+        R = J @ _position_noise(params, rows) @ J.T
     period = np.array([0.0, 2 * pi if polar_rows else 0.0])
     spatial = _spatial(params, polar_rows, z, where, p, view)
     clutter = params.clutter_rate * spatial if params.clutter_rate else np.zeros(len(z))
     if np.isnan(clutter).any():
         raise InputError(UNKNOWN)
     return Look(polar_rows, z, R, clutter, period, p, rotation, view, params.p_detect, spatial)
+
+
+def level(turn: Array) -> Array:
+    """Rotation (2, 2) about the vertical of a sensor with rotation ``turn`` (3, 3), tilted or not.
+
+    Raises
+    ------
+    InputError : its x axis is vertical
+    """
+    if turn[2, 2] == 1:
+        return np.asarray(turn[:2, :2])
+    length = np.hypot(turn[0, 0], turn[1, 0])
+    if length < 1e-6:
+        raise InputError("a sensor's x axis is vertical: it has no azimuth in the plane")
+    c, s = turn[:2, 0] / length
+    return np.array([[c, -s], [s, c]])
+
+
+def ground(rows: Mapping[str, Array], turn: Array, down: float) -> tuple[Array, Array | None]:
+    """Ranges and azimuths (n, 2) in the plane, about the sensor's foot, of those in space.
+
+    Also their slopes (n,) over the measured range, None where nothing changes. Without elevation
+    it is what takes the detection to targets, which are ``down`` [m] from the sensor (negative for
+    below it).
+    """
+    r, azimuth = rows["range"], rows["azimuth"]
+    tilted = turn[2, 2] != 1
+    if "elevation" not in rows and not tilted and down == 0:
+        return np.stack((r, azimuth), 1), None
+    if "elevation" in rows:
+        elevation = rows["elevation"]
+    else:
+        # Height over the sensor is r (A cos el + B sin el) with A and B by the third row of turn.
+        A = turn[2, 0] * np.cos(azimuth) + turn[2, 1] * np.sin(azimuth)
+        share = down / np.maximum(r * np.hypot(A, turn[2, 2]), 1e-9)
+        elevation = np.arctan2(turn[2, 2], A) - np.arccos(np.clip(share, -1.0, 1.0))
+    c = np.cos(elevation)
+    ray = np.stack((c * np.cos(azimuth), c * np.sin(azimuth), np.sin(elevation)), 1)
+    x = r[:, None] * ray @ turn.T
+    distance = np.maximum(np.hypot(x[:, 0], x[:, 1]), 1e-9)
+    along = x[:, :2] @ level(turn)
+    z = np.stack((distance, np.arctan2(along[:, 1], along[:, 0])), 1)
+    measured = "elevation" in rows
+    return z, distance / np.maximum(r, 1e-9) if measured else np.minimum(r / distance, STEEP)
+
+
+def _in_plane(rows: Mapping[str, Array], turn: Array, down: float) -> tuple[Array, Array]:
+    """Offsets (n, 2) in the map from the sensor, and their Jacobian (2, 2) over x and y."""
+    x = np.stack((rows["x"], rows["y"]), 1)
+    if "z" in rows:
+        return x @ turn[:2, :2].T + rows["z"][:, None] * turn[:2, 2], turn[:2, :2]
+    if turn[2, 2] == 1:
+        return x @ turn[:2, :2].T, turn[:2, :2]
+    z = (down - x @ turn[2, :2]) / turn[2, 2]
+    J = turn[:2, :2] - np.outer(turn[:2, 2], turn[2, :2]) / turn[2, 2]
+    return x @ turn[:2, :2].T + z[:, None] * turn[:2, 2], J
 
 
 def at_once(scans: Iterable[Scan]) -> list[Scan]:
@@ -239,11 +304,15 @@ def _position_noise(params: SensorParams, rows: Mapping[str, Array]) -> Array:
 
 
 def _polar_noise(params: SensorParams, rows: Mapping[str, Array]) -> Array:
-    std = [rows.get(k, np.full(1, getattr(params, k))) for k in ("std_range", "std_azimuth")]
-    for name, values in zip(("std_range", "std_azimuth"), std, strict=True):
+    names = ("std_range", "std_azimuth")
+    std = [rows.get(k, np.full(1, getattr(params, k))) for k in names]
+    for name, values in zip(names, std, strict=True):
         _known(name, values.min(initial=inf))
-    R = np.zeros((max(map(len, std)), 2, 2))
-    R[:, 0, 0], R[:, 1, 1] = std[0] ** 2, std[1] ** 2
+    if (std[1] > pi / 2).any():
+        raise InputError("std_azimuth is above a quarter of a turn: is it in degrees?")
+    n = len(rows["range"]) if any(k in rows for k in names) else 1
+    R = np.zeros((n, 2, 2))
+    R[:, 0, 0], R[:, 1, 1] = (np.broadcast_to(v**2, n) for v in std)
     return R
 
 

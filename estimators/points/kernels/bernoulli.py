@@ -62,9 +62,9 @@ def newborn(r: Array, m: Array, P: Array) -> Bernoullis:
 class Mixture:
     """A multi-Bernoulli mixture of T tracks in G global hypotheses.
 
-    A track has a label (T,) and the mean ``start`` (T, dx) with which it began. A hypothesis has
-    weight w (G,), falling once pruned, and ``table`` (G, T) has the index in ``local`` that it
-    picks of each track, -1 for none.
+    A track has a label (T,) and the mean ``start`` (T, dx) of its first detection, NaN before. A
+    hypothesis has weight w (G,), falling once pruned, and ``table`` (G, T) has the index in
+    ``local`` that it picks of each track, -1 for none.
     """
 
     local: Bernoullis
