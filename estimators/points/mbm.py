@@ -25,14 +25,23 @@ from .clutter_map import learnt, persistent
 from .cuts import Told
 from .edge import detection_probability
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
-from .kernels.compiled import gaussians
 from .kernels.gaussians import falling
 from .kernels.smoothing import Epoch, smooth
 from .mbm_filter import Params, State, init, predict, reduce, update
-from .sensing import UNKNOWN, Look, SensorParams, at_once, count, expected, looks, positions
+from .sensing import (
+    UNKNOWN,
+    Look,
+    SensorParams,
+    at_once,
+    count,
+    innovations,
+    log_likelihood,
+    looks,
+    positions,
+)
 from .source import Nothing, Source, recognised
 from .streams import per_stream
-from .targets import Interval, appeared, born, settled
+from .targets import Interval, appeared, born, settled, within
 
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
 
@@ -100,7 +109,9 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
     used: list[Look] = []
     novelty: list[Array] = []
     cut = {"max_detections": 0.0}
-    for scan, all_ in looks(together, sight, context.setup, context.sensing, source.region):
+    for scan, all_ in looks(
+        together, sight, context.setup, context.sensing, source.region, within(params)
+    ):
         own, seen = context.sensing[scan.stream], all_
         if len(seen.z) > params.max_detections:
             cut["max_detections"] += len(seen.z) - params.max_detections
@@ -166,14 +177,14 @@ def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
 
 def _likeliest(seen: Look, a: Bernoullis, own: SensorParams, params: Params) -> Look:
     """The ``max_detections`` detections that are nearest to a known target."""
-    z_hat, _, S = expected(seen, a.m, a.P, own.unscented)
-    log_l = gaussians.log_likelihood(seen.z, z_hat, S[:, None] + seen.R, seen.period, np.inf)
+    z_hat, _, S = innovations(seen, a.m, a.P, own.unscented)
+    log_l = log_likelihood(seen, z_hat, S, np.inf)
     likely = np.maximum(log_l.max(axis=0, initial=-np.inf), -1e300)
     best = np.sort(falling(likely, seen.z)[: params.max_detections])
     R = seen.R if len(seen.R) == 1 else seen.R[best]
-    return replace(
-        seen, z=seen.z[best], R=R, clutter=seen.clutter[best], spatial=seen.spatial[best]
-    )
+    some = {name: getattr(seen, name)[best] for name in ("z", "clutter", "spatial")}
+    parts = tuple(seen.parts[i] for i in best) if seen.parts else ()
+    return replace(seen, **some, R=R, parts=parts)
 
 
 def _even(seen: Look, before: list[Look], gone: Interval, params: Params) -> Array:

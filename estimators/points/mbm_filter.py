@@ -33,7 +33,7 @@ from .kernels.bernoulli import newborn as begun
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
-from .sensing import Look, SensorParams, expected, positions
+from .sensing import Look, SensorParams, innovations, log_likelihood, positions, updated
 from .source import Classes
 from .targets import Interval, TargetParams, elapse, limit, newborn
 
@@ -211,9 +211,8 @@ def update(
     EstimatorError : no hypothesis is possible
     """
     a = state.mixture.local
-    z_hat, C, S = expected(seen, a.m, a.P, own.unscented)
-    S = S[:, None] + seen.R
-    log_hit = gaussians.log_likelihood(seen.z, z_hat, S, seen.period, params.gate)
+    z_hat, C, S = innovations(seen, a.m, a.P, own.unscented)
+    log_hit = log_likelihood(seen, z_hat, S, params.gate)
     p, m_missed, P_missed = unseen(seen, a.m, a.P, a.visible, own.fov_mass)
     with np.errstate(divide="ignore"):
         log_hit += np.log(_found(seen, own, a, p, log_hit, z_hat, C, S) * a.visible[:, None])
@@ -230,9 +229,7 @@ def update(
     local = missed(replace(a, m=m_missed, P=P_missed), p).take(found.prior)
     hit = np.flatnonzero(found.detection >= 0)
     i, l = found.detection[hit], found.prior[hit]
-    S = S[l, 0 if S.shape[1] == 1 else i]
-    K, local.P[hit] = gaussians.gain(a.P[l], np.ascontiguousarray(C[l]), S)
-    local.m[hit] = gaussians.correct(a.m[l], K, seen.z[i], z_hat[l], seen.period)
+    local.m[hit], local.P[hit] = updated(seen, a.m, a.P, z_hat, C, S, l, i)
     local.r[hit] = local.visible[hit] = 1.0
     local.unseen[hit] = 0.0
     start, best = state.mixture.start.copy(), found.table[0]
@@ -295,8 +292,7 @@ def _found(
         return p[:, None]
     found = np.repeat(p[:, None], log_l.shape[1], axis=1)
     l, i = np.nonzero((log_l > -np.inf) & partial[:, None])
-    K, P = gaussians.gain(a.P[l], np.ascontiguousarray(C[l]), S[l, 0 if S.shape[1] == 1 else i])
-    m = gaussians.correct(a.m[l], K, seen.z[i], z_hat[l], seen.period)
+    m, P = updated(seen, a.m, a.P, z_hat, C, S, l, i)
     found[l, i] = detection_probability(seen, m, P, own.fov_mass)
     return found
 
@@ -314,16 +310,14 @@ def _first_detections(
     w, m, P = undetected
     if not len(w):
         return undetected, (even, m_even, P_even)
-    z_hat, C, S = expected(seen, m, P, own.unscented)
-    S = np.broadcast_to(S[:, None] + seen.R, (len(w), n, 2, 2))
+    z_hat, C, S = innovations(seen, m, P, own.unscented)
     p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
     density = np.zeros((len(w) + 1, n))
-    log_l = gaussians.log_likelihood(seen.z, z_hat, S, seen.period, params.gate)
+    log_l = log_likelihood(seen, z_hat, S, params.gate)
     density[:-1], density[-1] = (p * w)[:, None] * np.exp(log_l), even
     j, i = np.nonzero(density[:-1])
     m_all, P_all = np.tile(m_even, (len(density), 1, 1)), np.tile(P_even, (len(density), 1, 1, 1))
-    K, P_all[j, i] = gaussians.gain(P[j], C[j], S[j, i])
-    m_all[j, i] = gaussians.correct(m[j], K, seen.z[i], z_hat[j], seen.period)
+    m_all[j, i], P_all[j, i] = updated(seen, m, P, z_hat, C, S, j, i)
     known = np.maximum(p[j], TINY)
     density[j, i] *= detection_probability(seen, m_all[j, i], P_all[j, i], own.fov_mass) / known
     return (w * (1 - p), m_missed, P_missed), first_detections(density, m_all, P_all)

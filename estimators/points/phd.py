@@ -26,10 +26,19 @@ from .kernels import births
 from .kernels.association import marginals
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
-from .sensing import Look, SensorParams, at_once, count, expected, looks
+from .sensing import (
+    Look,
+    SensorParams,
+    at_once,
+    count,
+    innovations,
+    log_likelihood,
+    looks,
+    updated,
+)
 from .source import Classes, Nothing, Source, recognised
 from .streams import per_stream
-from .targets import Interval, TargetParams, born, elapse, limit, newborn, settled
+from .targets import Interval, TargetParams, born, elapse, limit, newborn, settled, within
 
 TINY = 1e-300
 """Least density that a weight is divided by."""
@@ -253,10 +262,9 @@ def _corrected(
     earlier Bernoullis made the detections, and from which (J',) each component came.
     """
     w, m, P, T, n = x.w, x.m, x.P, len(q), len(seen.z)
-    z_hat, C, S = expected(seen, m, P, own.unscented)
-    S = S[:, None] + seen.R
+    z_hat, C, S = innovations(seen, m, P, own.unscented)
     p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
-    hit = w[:, None] * np.exp(gaussians.log_likelihood(seen.z, z_hat, S, seen.period, gate))
+    hit = w[:, None] * np.exp(log_likelihood(seen, z_hat, S, gate))
     hit *= _found(seen, own, x, z_hat, C, S, hit, p)
     free = target < 0
     none = seen.clutter + hit[free].sum(0)
@@ -286,12 +294,7 @@ def _corrected(
     )
     kept = np.flatnonzero(missed > least)
     j, i = np.nonzero(weight > least)
-    if S.shape[1] == 1:
-        K, P_new = gaussians.gain(P, C, S[:, 0])
-        K, P_new = K[j], P_new[j]
-    else:
-        K, P_new = gaussians.gain(P[j], C[j], S[j, i])
-    m_new = gaussians.correct(m[j], K, seen.z[i], z_hat[j], seen.period)
+    m_new, P_new = updated(seen, m, P, z_hat, C, S, j, i)
     source = np.concatenate((kept, j))
     after = Mixture(
         np.concatenate((missed[kept], weight[j, i])),
@@ -319,8 +322,7 @@ def _found(
         return p[:, None]
     found = np.repeat(p[:, None], hit.shape[1], axis=1)
     j, i = np.nonzero(hit * partial[:, None])
-    K, P = gaussians.gain(x.P[j], np.ascontiguousarray(C[j]), S[j, 0 if S.shape[1] == 1 else i])
-    m = gaussians.correct(x.m[j], K, seen.z[i], z_hat[j], seen.period)
+    m, P = updated(seen, x.m, x.P, z_hat, C, S, j, i)
     found[j, i] = detection_probability(seen, m, P, own.fov_mass)
     return found
 
@@ -373,7 +375,7 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
     state, is_new, gone = predict(state, params, together[0].time_ns)
     where = x.m[:, :2] + gone.dt * x.m[:, 2:]
     sight = source.see(together, x.label, where, state.classes)
-    shown = [*looks(together, sight, context.setup, context.sensing, source.region)]
+    shown = [*looks(together, sight, context.setup, context.sensing, source.region, within(params))]
     seen = [
         (replace(s, clutter=s.clutter + persistent(state.maps, scan.stream, s, own)), own)
         for scan, s in shown

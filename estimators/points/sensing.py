@@ -6,8 +6,8 @@ their noise and the density of clutter where they stand, and the pose and view o
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from math import inf, pi
 from typing import Any
 
@@ -23,9 +23,12 @@ from ...models.poses import pose_at
 from ...models.radar.detection import View, polar
 from ...models.records import Array, Recording, Scan, Sensor
 from ...models.regions import area, box, polygon
+from .kernels.compiled import gaussians
 from .source import MADE, Sight
 
 STREAMS = ("position", "range_bearing")
+Motion = Callable[[float], tuple[Array, Array]]
+"""Time [s] -> transition F (4, 4) and covariance Q (4, 4) of the process noise."""
 STEEP = 100.0
 """Most that a range on the ground changes per metre of the range in space."""
 UNKNOWN = "where the clutter lies is not known: give clutter_region or max_range"
@@ -88,6 +91,15 @@ class SensorParams:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Detections of one time among those of a scan: their look, and the motion until then."""
+
+    look: Look
+    F: Array
+    Q: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Look:
     """One scan: detections z (n, 2) with noise R (1 or n, 2, 2) and clutter density (n,).
 
@@ -95,6 +107,7 @@ class Look:
     is (m, rad) in the sensor's frame and the clutter per m rad. ``spatial`` (n,) is the density of
     one clutter point, in the same measure, NaN where it is not known. ``period`` (2,) tells angles;
     ``position`` (2,) and ``rotation`` (2, 2) are the sensor's pose, ``p_detect`` holds in ``view``.
+    Where the rows have times of their own, ``parts`` are they one by one.
     """
 
     polar: bool
@@ -107,6 +120,7 @@ class Look:
     view: View
     p_detect: float
     spatial: Array
+    parts: tuple[Part, ...] = ()
 
 
 def look(params: SensorParams, scan: Scan, polar_rows: bool, sensor: Sensor) -> Look:
@@ -219,6 +233,7 @@ def looks(
     setup: Recording,
     params: Mapping[str, SensorParams],
     region: tuple[float, ...],
+    motion: Motion,
 ) -> Iterator[tuple[Scan, Look]]:
     """What the ``scans`` of one time show with the ``params`` of their streams, one by one.
 
@@ -237,7 +252,31 @@ def looks(
         stream = setup.streams[scan.stream]
         if stream.kind in STREAMS:
             polar_rows, sensor = stream.kind == "range_bearing", setup.sensors[stream.nodes[0]]
-            yield scan, look(params[scan.stream], scan, polar_rows, sensor)
+            yield scan, timed(params[scan.stream], scan, polar_rows, sensor, motion)
+
+
+def timed(
+    params: SensorParams, scan: Scan, polar_rows: bool, sensor: Sensor, motion: Motion
+) -> Look:
+    """:func:`look`, each row from the pose and of the targets that there were at its own time.
+
+    Raises
+    ------
+    InputError : the noise of the detections, or the region of the clutter, is not known
+    """
+    found = look(params, scan, polar_rows, sensor)
+    offset = scan.rows.get("time_offset", np.zeros(0))
+    if not offset.any():
+        return found
+    parts = []
+    for i, seconds in enumerate(offset.tolist()):
+        row = {name: values[i : i + 1] for name, values in scan.rows.items()}
+        at = scan.time_ns + round(seconds * 1e9)
+        one = look(params, replace(scan, rows=row, time_ns=at), polar_rows, sensor)
+        parts.append(Part(one, *motion(seconds)))
+    # In the map positions are where the sensor was then; in its frame nothing changes.
+    z = np.concatenate([part.look.z for part in parts])
+    return replace(found, z=z, parts=tuple(parts))
 
 
 def made(params: SensorParams, z: Array, R: Array, region: tuple[float, ...]) -> Look:
@@ -278,8 +317,56 @@ def expected(look: Look, m: Array, P: Array, unscented: bool) -> tuple[Array, Ar
     return z_hat + shift, C, e.swapaxes(1, 2) @ e / (2 * d)
 
 
+def innovations(look: Look, m: Array, P: Array, unscented: bool) -> tuple[Array, Array, Array]:
+    """:func:`expected` (J, k, ...) of each detection, k = n where they have times of their own.
+
+    Else k is 1. S has the noise R of the detections, and so n entries where that differs.
+    """
+    if not look.parts:
+        z_hat, C, S = expected(look, m, P, unscented)
+        return z_hat[:, None], C[:, None], S[:, None] + look.R
+    found = []
+    for part in look.parts:
+        m_then = m @ part.F.T
+        moved = part.F @ P
+        P_then = moved @ part.F.T + part.Q
+        z_hat, C, S = expected(part.look, m_then, P_then, unscented)
+        # With H as the regression on the state then: the covariance of the state now.
+        H = np.linalg.solve(P_then, C)
+        found.append((z_hat, moved.swapaxes(1, 2) @ H, S + part.look.R[0]))
+    z_hat, C, S = (np.stack(columns, 1) for columns in zip(*found, strict=True))
+    return z_hat, C, S
+
+
+def log_likelihood(look: Look, z_hat: Array, S: Array, gate: float) -> Array:
+    """Log densities (J, n) of the detections, -inf outside the gate."""
+    if z_hat.shape[1] == 1:
+        return gaussians.log_likelihood(look.z, z_hat[:, 0], S, look.period, gate)
+    each = [
+        gaussians.log_likelihood(look.z[i : i + 1], z_hat[:, i], S[:, i : i + 1], look.period, gate)
+        for i in range(len(look.z))
+    ]
+    return np.concatenate(each, axis=1)
+
+
+def updated(
+    look: Look, m: Array, P: Array, z_hat: Array, C: Array, S: Array, j: Array, i: Array
+) -> tuple[Array, Array]:
+    """Means (k, dx) and covariances of the Gaussians ``j`` (k,) given detections ``i`` (k,)."""
+    at, of = (i if a.shape[1] > 1 else np.zeros_like(i) for a in (z_hat, S))
+    if z_hat.shape[1] == S.shape[1] == 1:
+        K, P = gaussians.gain(P, np.ascontiguousarray(C[:, 0]), S[:, 0])
+        K, P = K[j], P[j]
+    else:
+        K, P = gaussians.gain(P[j], C[j, at], S[j, of])
+    return gaussians.correct(m[j], K, look.z[i], z_hat[j, at], look.period), P
+
+
 def positions(look: Look) -> tuple[Array, Array]:
-    """Detections as positions (n, 2) in the map with covariances (n, 2, 2)."""
+    """Detections as positions (n, 2) in the map with covariances (n, 2, 2), at their own times."""
+    if look.parts:
+        each = [positions(part.look) for part in look.parts]
+        return np.concatenate([x for x, _ in each]), np.concatenate([R for _, R in each])
     R = np.broadcast_to(look.R, (len(look.z), 2, 2))
     if not look.polar:
         return look.z, R

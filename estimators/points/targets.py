@@ -19,7 +19,7 @@ from ...models.regions import box, contains, polygon
 from .kernels import births
 from .kernels.compiled import gaussians
 from .kernels.gaussians import moments
-from .sensing import STREAMS, Look, positions
+from .sensing import STREAMS, Look, Motion, positions
 
 SECOND = 1.0
 """Step [s] of what is assumed per step, where several streams have no step in common."""
@@ -164,6 +164,16 @@ def transition(params: TargetParams, dt: float) -> tuple[Array, Array]:
     """Transition F (4, 4) and covariance Q (4, 4) of the process noise over ``dt`` [s]."""
     density = params.acceleration_density or 0.0
     return _transition(params.std_acceleration, density, params.diffusion, dt)
+
+
+def within(params: TargetParams) -> Motion:
+    """The motion from the time of a scan to that of one of its rows, before or after."""
+
+    def motion(dt: float) -> tuple[Array, Array]:
+        F, Q = transition(params, abs(dt))
+        return (F, Q) if dt >= 0 else (np.linalg.inv(F), np.linalg.inv(F) @ Q @ np.linalg.inv(F).T)
+
+    return motion
 
 
 @lru_cache(maxsize=16)
