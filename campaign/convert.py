@@ -62,7 +62,7 @@ class Task:
         return (self.label,) if self.foreign is None else self.foreign.inputs
 
     def placed(self, execution: Execution) -> Task:
-        """The task for those who do it."""
+        """The task with the paths of the workers."""
         foreign = self.foreign
         if foreign is not None:
             foreign = replace(foreign, inputs=execution.places(foreign.inputs))

@@ -64,7 +64,7 @@ class Task:
         return self.source, self.config
 
     def placed(self, execution: Execution) -> Task:
-        """The task for those who do it."""
+        """The task with the paths of the workers."""
         source, target = execution.place(self.source), execution.target(self.target)
         return replace(self, source=source, target=target)
 

@@ -41,7 +41,7 @@ MEANINGS = {
     5: "output exists or cannot be written",
     7: "estimator failed",
 }
-"""What failed where a task ends with this code."""
+"""Reasons of failed tasks by exit code."""
 
 
 class Terminated(SystemExit):
@@ -77,7 +77,7 @@ def exit_code(error: BaseException) -> int:
 
 
 def message(error: BaseException) -> str:
-    """What the user is told of ``error``."""
+    """``error`` as a message for the user."""
     if isinstance(error, EchosetError):
         return str(error)
     if isinstance(error, Terminated):

@@ -1,4 +1,4 @@
-"""What a file holds, without reading all of it."""
+"""Contents of a file, without reading all of it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _is_provenance(path: str) -> bool:
 
 
 def lines(found: Mapping[str, Any]) -> Iterator[str]:
-    """What :func:`inspect` has found in the file ``found["file"]``, for people."""
+    """The result of :func:`inspect` for the file ``found["file"]`` as text."""
     yield f"{found['file']}: {found['kind']}"
     shapes: Mapping[str, tuple[int, ...]] = found.get("shapes", {})
     for path, shape in sorted(shapes.items()):

@@ -19,7 +19,7 @@ SCORES = (".csv", ".json")
 
 
 def label(source: str) -> str:
-    """What messages call an input."""
+    """The name of an input in messages."""
     return "<stdin>" if source == DASH else source
 
 

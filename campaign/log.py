@@ -1,4 +1,4 @@
-"""What the command says on stderr: one line a message, as text or as JSON."""
+"""Messages on stderr: one line each, as text or as JSON."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def error(text: str, cause: BaseException | None = None) -> None:
 
 
 def settings() -> tuple[int, str]:
-    """What :func:`configure` was called with last, for another process."""
+    """The last arguments of :func:`configure`, for another process."""
     return _settings
 
 

@@ -1,4 +1,4 @@
-"""Where outputs go: files that appear whole, or stdout."""
+"""Outputs: files that appear whole, or stdout."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def scores_format(output: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Existing:
-    """What becomes of outputs that exist; with ``dry_run`` that is only said."""
+    """Policy for outputs that exist: an error, to overwrite, to skip; ``dry_run`` only reports."""
 
     overwrite: bool = False
     skip_existing: bool = False

@@ -54,7 +54,7 @@ class Task:
         return (self.source,)
 
     def placed(self, execution: Execution) -> Task:
-        """The task for those who do it."""
+        """The task with the paths of the workers."""
         source, places = execution.place(self.source), execution.places(self.truth)
         return replace(self, source=source, truth=places)
 

@@ -34,7 +34,7 @@ class Task:
         return (self.scenario.file,)
 
     def placed(self, execution: Execution) -> Task:
-        """The task for those who do it."""
+        """The task with the paths of the workers."""
         return replace(self, target=execution.target(self.target))
 
     def decide(self) -> resume.Decision:

@@ -73,7 +73,7 @@ logging_options: Callable[[F], F] = _chain(
 def _execution(
     jobs: int, cluster: str | None, keep_going: bool, summary: str | None, lock: str | None
 ) -> Execution:
-    """What the options ask for; the lock is held until the command is over."""
+    """The options of a batch; the lock is held until the command is over."""
     if lock is not None:
         click.get_current_context().with_resource(locked(lock))
     return Execution(jobs, cluster, keep_going, summary)

@@ -26,7 +26,7 @@ TimedStep = tuple[Estimates, float]
 
 @dataclass(frozen=True, slots=True)
 class Estimation:
-    """What is asked for: an estimator by name, its layers of parameters, its seed.
+    """A request: an estimator by name, its layers of parameters, its seed.
 
     The layers come after the recording's own, which count if ``use_sensor_model``.
     """
@@ -38,7 +38,7 @@ class Estimation:
 
     @property
     def module(self) -> Any:
-        """What the entry point refers to."""
+        """The estimator's module."""
         return load(GROUP, self.estimator)
 
     @property
@@ -114,7 +114,7 @@ class EstimatorRun:
     def provenance(
         self, versions: Mapping[str, str], digest: str = "", content_digest: str = ""
     ) -> dict[str, Any]:
-        """What the estimates say of their making.
+        """The provenance of the estimates.
 
         ``digest`` is that of what can be seen of the recording, ``content_digest`` that of all of
         it, which counts where the estimator uses the truth.

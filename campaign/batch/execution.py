@@ -1,4 +1,4 @@
-"""Who does the tasks of a command, and what is told of them."""
+"""Options of a batch: workers, handling of failures, summary."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..outputs import DASH, Target
 
 @dataclass(frozen=True, slots=True)
 class Execution:
-    """Who does the tasks (``jobs`` processes, or the cluster at an address), and what is told."""
+    """Workers (``jobs`` processes, or the cluster at an address), failures, and the summary."""
 
     jobs: int = 1
     cluster: str | None = None
@@ -21,7 +21,7 @@ class Execution:
     summary: str | None = None
 
     def place(self, path: str) -> str:
-        """``path`` as those who do the tasks know it: the workers of a cluster by its whole name.
+        """``path`` as the workers know it: those of a cluster by its absolute path.
 
         Raises
         ------

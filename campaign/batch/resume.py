@@ -1,7 +1,6 @@
-"""Whether an output has to be made, made again, or is there already.
+"""Resume: an output is made, made again, or left, by its own header and provenance.
 
-That is told by what the output itself says: that it is complete, and its provenance. No clock is
-asked, and no data but headers are read; ``echoset validate`` reads all of them.
+No timestamp counts, and only headers are read; ``echoset validate`` reads all data.
 """
 
 from __future__ import annotations
@@ -19,14 +18,14 @@ RUN, REDO, SKIP = "run", "redo", "skip"
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What is done about an output: ``run``, ``redo`` or ``skip``; and why."""
+    """The action on an output, ``run``, ``redo`` or ``skip``, and its reason."""
 
     action: str
     reason: str
 
 
 def decide(target: Target, expected: Callable[[], Mapping[str, Any]]) -> Decision:
-    """What to do about ``target``, whose header and provenance should say what is ``expected``.
+    """The action on ``target``, whose header and provenance are compared with ``expected``.
 
     Raises
     ------

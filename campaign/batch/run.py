@@ -1,7 +1,7 @@
-"""Many tasks, done here, by processes or by a cluster: results in order, failures counted.
+"""Batches of tasks, run here, by processes or by a cluster: results in order, failures counted.
 
-Every task draws from streams of its own and writes files of its own, so that who does it, when
-and how often changes nothing.
+Every task draws from streams of its own and writes files of its own, so that worker,
+order and retries change nothing.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True)
 class Outcome(Generic[R]):
-    """What became of a task: its result, unless it was only decided on, or failed."""
+    """The outcome of a task: its result, unless it was only decided on, or failed."""
 
     decision: Decision | None = None
     result: R | None = None
@@ -128,7 +128,7 @@ def perform(tasks: Sequence[Task[R]], execution: Execution, dry_run: bool = Fals
 
 
 def _workers(execution: Execution, tasks: int) -> Workers:
-    """Those who do ``tasks`` tasks."""
+    """Workers for ``tasks`` tasks."""
     if execution.cluster is not None:
         from .cluster import Cluster
 
@@ -139,7 +139,7 @@ def _workers(execution: Execution, tasks: int) -> Workers:
 
 @dataclass(frozen=True, slots=True)
 class _Call(Generic[R]):
-    """What a worker does with a task."""
+    """The work of a worker on a task: decide and run."""
 
     dry_run: bool
 

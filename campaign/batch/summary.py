@@ -1,4 +1,4 @@
-"""What became of a campaign: a line at its end, and the whole as JSON."""
+"""Summary of a batch: one line at its end, and all of it as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who does the tasks: this process, or processes of this machine.
+"""Workers: this process, or processes of this machine.
 
 Both are executors of :mod:`concurrent.futures`, as is the cluster of :mod:`.cluster`. Workers
 ignore Ctrl-C and leave at SIGTERM, which the parent sends when it is itself asked to end; either
@@ -32,7 +32,7 @@ class Workers(Protocol):
     """An executor that says how much it can take."""
 
     died: tuple[type[Exception], ...]
-    """What a future raises whose worker died."""
+    """Exceptions of futures whose worker died."""
 
     @property
     def width(self) -> int:
