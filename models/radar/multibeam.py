@@ -21,28 +21,44 @@ from .ofdm import LIGHT
 class BaseStation:
     """Waveform, power, arrays and scan of a base station (section IV-B)."""
 
-    carrier: float = parameter(28e9, "Hz", "carrier frequency f_c")
-    spacing: float = parameter(120e3, "Hz", "subcarrier spacing")
-    subcarriers: int = parameter(3168, "1", "subcarriers K")
-    symbols: int = parameter(112, "1", "OFDM symbols M_s collected in a direction")
-    cyclic_prefix: float = parameter(0.586e-6, "s", "duration of the cyclic prefix, choice")
-    transmit_elements: int = parameter(50, "1", "elements N_T of the transmitting array")
-    receive_elements: int = parameter(50, "1", "elements N_R of the receiving array")
+    TITLE = "base stations"
+
+    carrier: float = parameter(28e9, "Hz", "carrier frequency f_c", within="(0, inf)")
+    spacing: float = parameter(120e3, "Hz", "subcarrier spacing", within="(0, inf)")
+    subcarriers: int = parameter(3168, "1", "subcarriers K", within="[1, inf)")
+    symbols: int = parameter(
+        112, "1", "OFDM symbols M_s collected in a direction", within="[1, inf)"
+    )
+    cyclic_prefix: float = parameter(
+        0.586e-6, "s", "duration of the cyclic prefix, choice", within="[0, inf)"
+    )
+    transmit_elements: int = parameter(
+        50, "1", "elements N_T of the transmitting array", within="[1, inf)"
+    )
+    receive_elements: int = parameter(
+        50, "1", "elements N_R of the receiving array", within="[1, inf)"
+    )
     eirp: float = parameter(30.0, "dBm", "equivalent isotropic radiated power of an undivided beam")
-    noise_density: float = parameter(4e-20, "W Hz-1", "noise power density N_0 at the receiver")
-    sensing_power: float = parameter(0.3, "1", "share rho_p of the power in the sensing beam")
-    aperture: float = parameter(np.pi / 3, "rad", "directions are scanned from minus to plus this")
-    scan_step: float = parameter(np.pi / 75, "rad", "step from direction to direction")
-    max_range: float = parameter(85.0, "m", "range gate: the map ends here, choice")
+    noise_density: float = parameter(
+        4e-20, "W Hz-1", "noise power density N_0 at the receiver", within="(0, inf)"
+    )
+    sensing_power: float = parameter(
+        0.3, "1", "share rho_p of the power in the sensing beam", within="[0, 1]"
+    )
+    aperture: float = parameter(
+        np.pi / 3,
+        "rad",
+        "directions are scanned from minus to plus this",
+        within=f"(0, {np.pi / 2})",
+    )
+    scan_step: float = parameter(
+        np.pi / 75, "rad", "step from direction to direction", within="(0, inf)"
+    )
+    max_range: float = parameter(
+        85.0, "m", "range gate: the map ends here, choice", within="(0, inf)"
+    )
 
     def __post_init__(self) -> None:
-        for name in ("carrier", "spacing", "noise_density", "scan_step", "max_range", "aperture"):
-            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
-        for name in ("subcarriers", "symbols", "transmit_elements", "receive_elements"):
-            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
-        require(self.cyclic_prefix >= 0, "cyclic_prefix", "at least 0", self.cyclic_prefix)
-        require(0 <= self.sensing_power <= 1, "sensing_power", "in [0, 1]", self.sensing_power)
-        require(self.aperture < np.pi / 2, "aperture", "below pi / 2", self.aperture)
         farthest = self.subcarriers * self.range_bin
         require(self.max_range < farthest, "max_range", f"below {farthest:g} m", self.max_range)
 

@@ -13,7 +13,7 @@ is one in space whose third axis is exact: D is flat there and the third standar
 every detection is (2 pi)^-1/2, so that its density is one.
 
 The functions here define the moves and compute everything anew for each; the twins in
-:mod:`.compiled.gsncp` keep Z running and give the same chain for the same random numbers.
+:mod:`.compiled.posterior` keep Z running and give the same chain for the same random numbers.
 """
 
 from __future__ import annotations

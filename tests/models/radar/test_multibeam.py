@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from echoset.models.errors import ParameterError
+from echoset.models.parameters import resolve
 from echoset.models.radar.multibeam import (
     BaseStation,
     Echoes,
@@ -61,4 +62,4 @@ def test_capacity_at_the_published_points() -> None:
 )
 def test_impossible_parameters(name: str, value: float) -> None:
     with pytest.raises(ParameterError, match=name):
-        BaseStation(**{name: value})
+        resolve(BaseStation, ("", {name: value}))
