@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import sys
 from datetime import UTC, datetime
+
+from .names import json_text, printable
 
 FORMATS = ("text", "json")
 logger = logging.getLogger("echoset")
@@ -26,7 +27,10 @@ class _Text(logging.Formatter):
         return f"{time}echoset: {level}{_one_line(record)}" + self._traceback(record)
 
     def _traceback(self, record: logging.LogRecord) -> str:
-        return "\n" + self.formatException(record.exc_info) if record.exc_info else ""
+        if not record.exc_info:
+            return ""
+        lines = self.formatException(record.exc_info).splitlines()
+        return "".join(f"\n{printable(line)}" for line in lines)
 
 
 class _Json(logging.Formatter):
@@ -40,7 +44,7 @@ class _Json(logging.Formatter):
         }
         if record.exc_info:
             entry["traceback"] = self.formatException(record.exc_info)
-        return json.dumps(entry, ensure_ascii=False)
+        return json_text(entry)
 
 
 class _Stderr(logging.Handler):
@@ -57,7 +61,7 @@ class _Stderr(logging.Handler):
 
 
 def _one_line(record: logging.LogRecord) -> str:
-    return " ".join(record.getMessage().split())
+    return printable(" ".join(record.getMessage().split()))
 
 
 _settings: tuple[int, str] = (0, "text")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,8 +60,8 @@ class Target:
                 yield stream
 
     def write_text(self, text: str) -> None:
-        """Write ``text`` as the whole output."""
-        self.write_bytes(text.encode())
+        """Write ``text``, in which names may stand that are not UTF-8, as the whole output."""
+        self.write_bytes(text.encode("utf-8", "surrogateescape"))
 
     def write_bytes(self, data: bytes) -> None:
         """Write ``data`` as the whole output."""
@@ -89,12 +90,46 @@ def say(line: str) -> None:
     Target(None, "text").write_text(line + "\n")
 
 
-def single(output: str, form: str, overwrite: bool = False) -> Target:
-    """The target of a command with one output.
+def refuse_collisions(
+    outputs: Iterable[tuple[str, Path | str | None]], inputs: Iterable[str | None]
+) -> None:
+    """Raise :class:`ParameterError` if an output, with its option, is an input or another output.
+
+    Files are compared as the system knows them, whatever they are called.
+    """
+    folders: dict[str, str] = {}
+
+    def identity(path: str) -> object:
+        try:
+            found = os.stat(path)
+        except OSError:
+            if os.path.islink(path):
+                return os.path.realpath(path)
+            folder, name = os.path.split(path)
+            if folder not in folders:
+                folders[folder] = os.path.realpath(folder)
+            return os.path.join(folders[folder], name)
+        return found.st_dev, found.st_ino
+
+    read = {identity(name) for name in inputs if name is not None and name != DASH}
+    written: dict[object, str] = {}
+    for option, path in outputs:
+        if path is None or str(path) == DASH:
+            continue
+        key = identity(str(path))
+        if key in read:
+            raise ParameterError(f"{option} {path}: is an input too")
+        if key in written:
+            raise ParameterError(f"{option} {path}: is written by {written[key]} too")
+        written[key] = option
+
+
+def single(output: str, form: str, overwrite: bool = False, inputs: Iterable[str] = ()) -> Target:
+    """The target of a command with one output, which is made from ``inputs``.
 
     Raises
     ------
-    ParameterError : binary data would go to a terminal
+    ParameterError : binary data would go to a terminal, or the output is an input
     OutputError : it exists
     """
     from ..formats.atomic import refuse_existing
@@ -103,6 +138,7 @@ def single(output: str, form: str, overwrite: bool = False) -> Target:
         if form in BINARY and sys.stdout.isatty():
             raise ParameterError(f"{form} is binary and stdout a terminal: use -o FILE or a pipe")
         return Target(None, form)
+    refuse_collisions([("-o", output)], inputs)
     refuse_existing(Path(output), overwrite)
     return Target(Path(output), form, overwrite)
 

@@ -13,6 +13,7 @@ from click.types import StringParamType
 from ..campaign import log
 from ..campaign.batch.execution import Execution
 from ..campaign.batch.lock import locked
+from ..campaign.machine import default_memory, parse_bytes
 from ..campaign.outputs import Existing
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -71,12 +72,18 @@ logging_options: Callable[[F], F] = _chain(
 
 
 def _execution(
-    jobs: int, cluster: str | None, keep_going: bool, summary: str | None, lock: str | None
+    jobs: int,
+    cluster: str | None,
+    keep_going: bool,
+    summary: str | None,
+    lock: str | None,
+    memory: str | None,
 ) -> Execution:
     """The options of a batch; the lock is held until the command is over."""
     if lock is not None:
         click.get_current_context().with_resource(locked(lock))
-    return Execution(jobs, cluster, keep_going, summary)
+    size = default_memory() if memory is None else parse_bytes(memory)
+    return Execution(jobs, cluster, keep_going, summary, lock, size)
 
 
 def output(text: str, default: str | None = None) -> Callable[[F], F]:
@@ -159,7 +166,15 @@ batch: Callable[[F], F] = _chain(
         metavar="FILE",
         help="End with exit code 75 if another command holds the lock FILE.",
     ),
-    _gathered("execution", _execution, "jobs", "cluster", "keep_going", "summary", "lock"),
+    click.option(
+        "--memory",
+        metavar="SIZE",
+        help="Take no more memory than this, such as 4G, in all processes together.  [default: "
+        "four fifths of the machine's]",
+    ),
+    _gathered(
+        "execution", _execution, "jobs", "cluster", "keep_going", "summary", "lock", "memory"
+    ),
 )
 
 deps: Callable[[F], F] = click.option(

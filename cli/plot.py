@@ -56,7 +56,7 @@ def command(
     suffix = PurePath(output).suffix
     if output == DASH or suffix not in plots.FORMATS:
         raise ParameterError(f"-o {output}: pictures are written as .png, .svg or .pdf")
-    target = single(output, plots.FORMATS[suffix], overwrite)
+    target = single(output, plots.FORMATS[suffix], overwrite, inputs)
     names = tuple(name.strip() for name in estimators.split(",")) if estimators else ()
     chosen = plots.Selection(*_span(span)) if span else plots.Selection()
     asked = _size(size) if size else None

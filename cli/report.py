@@ -50,7 +50,7 @@ def command(
     from ..report.plots import Inputs
 
     form = form or _SUFFIXES.get(PurePath(output).suffix, "md")
-    target = single(output, form, overwrite)
+    target = single(output, form, overwrite, scores)
     table = concatenate([read_scores(source) for source in scores])
     names = tuple(name.strip() for name in by.split(",")) if by else ()
     found = Inputs(scores=table, pooled=pooled(table))

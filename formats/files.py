@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any, Protocol
@@ -115,6 +116,8 @@ def _identify(source: Target, path: object) -> tuple[Any, Target]:
     """The format module of a file by its magic bytes, and the source to read from."""
     try:
         if isinstance(source, Path):
+            if stat.S_ISFIFO(source.stat().st_mode):
+                raise FormatError(path, "", "is a pipe: it can be read only once")
             with source.open("rb") as file:
                 head = file.read(8)
         else:

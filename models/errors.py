@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-_LONGEST = 500
+_LONGEST, _END = 500, 100
 
 
 class EchosetError(Exception):
@@ -13,7 +13,7 @@ class EchosetError(Exception):
     def __str__(self) -> str:
         """The message on one line of bearable length, whatever it quotes."""
         text = " ".join(super().__str__().split())
-        return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+        return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}...{text[-_END:]}"
 
 
 class ParameterError(EchosetError):

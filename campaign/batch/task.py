@@ -43,8 +43,14 @@ class Task(Protocol[R_co]):
 class Whole(Generic[R]):
     """A summary of all results, such as a table; by default there is none."""
 
+    option = "-o"
     target: Target | None = None
-    """Its own output, if it has one."""
+    """Its own output, if it has one, and the option that names it."""
+
+    @property
+    def inputs(self) -> Iterable[str | None]:
+        """Files that are read for it, beside those of the tasks."""
+        return ()
 
     def sources(self, tasks: Sequence[Any]) -> Iterable[str | None]:
         """The files that its output is made from, where ``tasks`` went well."""

@@ -239,6 +239,6 @@ def test_signal_in_the_middle(start, campaign, tmp_path, jobs, signum, code):
 
 
 def test_traceback_only_where_wanted(run, rec, monkeypatch):
-    monkeypatch.setattr(formats, "summary", lambda path: 1 / 0)
+    monkeypatch.setattr(formats, "summary", lambda *_: 1 / 0)
     check(run("info", rec), 1, "internal error: ZeroDivisionError")
     assert "Traceback" in run("info", rec, "-vv").err
