@@ -29,7 +29,7 @@ from threading import Timer
 from time import monotonic
 from types import FrameType
 
-from ..models.errors import EchosetError, UnavailableError
+from ..models.errors import EchosetError, OutputError, UnavailableError
 
 SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
 PARTIAL, GATE = 3, 6
@@ -148,6 +148,18 @@ def signals() -> Iterator[None]:
 def drop_stdout() -> None:
     """Lose what waits to be written to a stdout that takes no more, and would fail at the end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def stdout_error(error: Exception) -> OutputError | None:
+    """``error`` as one of writing to stdout, which then takes no more; None if it was another."""
+    if not isinstance(error, OSError) or error.filename is not None:
+        return None
+    try:
+        sys.stdout.flush()
+    except OSError:
+        drop_stdout()
+        return OutputError(f"stdout: cannot be written: {error.strerror or error}")
+    return None
 
 
 def open_standard_streams() -> None:

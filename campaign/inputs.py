@@ -44,7 +44,7 @@ def listed(word: str) -> list[str]:
         with nullcontext(stdin()) if name == DASH else Path(name).open("rb") as file:
             data = file.read(_LONGEST_LIST + 1)
     except OSError as error:
-        hint = f" (a file of this name: ./{word})" if Path(word).exists() else ""
+        hint = f" (a file of this name: ./{word})" if os.path.exists(word) else ""
         raise ParameterError(f"{word}: {error.strerror}{hint}") from None
     if len(data) > _LONGEST_LIST:
         raise ParameterError(f"{word}: is no list of files: more than {_LONGEST_LIST} bytes")

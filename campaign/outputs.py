@@ -180,7 +180,7 @@ class Existing:
         if not late:
             refuse_existing(path, overwrite)
         # What was not there before is what a worker made, if it was lost before it said so.
-        return Target(path, form, overwrite, self.skip_existing or not path.exists())
+        return Target(path, form, overwrite, self.skip_existing or not os.path.exists(path))
 
 
 def plan(
@@ -199,7 +199,7 @@ def plan(
     from ..formats import suffix_format
     from ..models.registry import load
 
-    if output != DASH and (output.endswith("/") or Path(output).is_dir()):
+    if output != DASH and (output.endswith("/") or os.path.isdir(output)):
         form = form or "h5"
         suffix = load("echoset.formats", form).SUFFIXES[0]
         twice = [name for name, count in Counter(names).items() if count > 1]

@@ -113,7 +113,7 @@ def run(function: Callable[[], object]) -> int:
     except exits.Ended as error:
         return error.exit_code
     except Exception as error:
-        known = machine.explained(error) or error
+        known = exits.stdout_error(error) or machine.explained(error) or error
         log.error(exits.message(known), error)
         return exits.exit_code(known)
     return 0

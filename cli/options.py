@@ -17,6 +17,8 @@ from ..campaign.machine import default_memory, parse_bytes
 from ..campaign.outputs import Existing
 
 F = TypeVar("F", bound=Callable[..., Any])
+PATH = click.Path(readable=False, allow_dash=True)
+"""A file, which is looked at when it is opened: then errors name it and have their exit code."""
 _VERBOSITY, _FORM = "echoset.verbosity", "echoset.form"
 
 
@@ -94,7 +96,7 @@ def output(text: str, default: str | None = None) -> Callable[[F], F]:
         required=default is None,
         default=default,
         show_default=default is not None,
-        type=click.Path(allow_dash=True),
+        type=PATH,
         help=text,
     )
 
@@ -156,13 +158,13 @@ batch: Callable[[F], F] = _chain(
     ),
     click.option(
         "--summary",
-        type=click.Path(),
+        type=PATH,
         metavar="FILE",
         help="Write what was done and what failed why, as JSON.",
     ),
     click.option(
         "--lock",
-        type=click.Path(),
+        type=PATH,
         metavar="FILE",
         help="End with exit code 75 if another command holds the lock FILE.",
     ),
@@ -179,7 +181,7 @@ batch: Callable[[F], F] = _chain(
 
 deps: Callable[[F], F] = click.option(
     "--deps",
-    type=click.Path(),
+    type=PATH,
     metavar="FILE",
     help="Write Makefile rules that say which inputs each output was made from.",
 )
@@ -188,7 +190,7 @@ deps: Callable[[F], F] = click.option(
 def inputs(name: str, metavar: str) -> Callable[[F], F]:
     """The files to work on; ``@FILE`` stands for those that FILE lists, ``@-`` for stdin's."""
     return click.argument(
-        name, nargs=-1, required=True, metavar=metavar, type=click.Path(), callback=_listed
+        name, nargs=-1, required=True, metavar=metavar, type=PATH, callback=_listed
     )
 
 
@@ -207,7 +209,7 @@ settings: Callable[[F], F] = click.option(
 )
 config: Callable[[F], F] = click.option(
     "--config",
-    type=click.Path(),
+    type=PATH,
     metavar="FILE",
     help="YAML file of parameters, as 'echoset describe' prints it.",
 )

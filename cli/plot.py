@@ -15,7 +15,7 @@ GROUP = "echoset.plots"
 
 @click.command("plot")
 @click.argument("kind", type=options.Name(GROUP))
-@click.argument("inputs", nargs=-1, required=True, metavar="INPUT...", type=click.Path())
+@click.argument("inputs", nargs=-1, required=True, metavar="INPUT...", type=options.PATH)
 @options.output("Picture, .png, .svg or .pdf.")
 @click.option("--size", metavar="WxH", help="Width and height in cm.  [default: the kind's own]")
 @click.option(

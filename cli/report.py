@@ -13,7 +13,7 @@ _SUFFIXES = {".md": "md", ".csv": "csv", ".tex": "latex", ".html": "html", ".jso
 
 
 @click.command("report")
-@click.argument("scores", nargs=-1, required=True, metavar="SCORES...", type=click.Path())
+@click.argument("scores", nargs=-1, required=True, metavar="SCORES...", type=options.PATH)
 @click.option(
     "--format",
     "form",

@@ -5,6 +5,7 @@ No timestamp counts, and only headers are read; ``echoset validate`` reads all d
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,10 +35,10 @@ def decide(target: Target, expected: Callable[[], Mapping[str, Any]]) -> Decisio
     from ...formats.atomic import refuse_existing
 
     path = target.path
-    if path is None or not path.exists():
+    if path is None or not os.path.exists(path):
         return Decision(RUN, "goes to stdout" if path is None else "is missing")
     reason = "is overwritten"
-    if target.resume and path.is_file():
+    if target.resume and os.path.isfile(path):
         reason = _reason(path, {"format": target.format}, expected)
         if not reason:
             return Decision(SKIP, "is complete")
