@@ -90,14 +90,9 @@ def _execution(
 
 def output(text: str, default: str | None = None) -> Callable[[F], F]:
     """``-o``; required unless it has a default."""
+    given: dict[str, Any] = {"default": default, "show_default": True}
     return click.option(
-        "-o",
-        "--output",
-        required=default is None,
-        default=default,
-        show_default=default is not None,
-        type=PATH,
-        help=text,
+        "-o", "--output", type=PATH, help=text, **({"required": True} if default is None else given)
     )
 
 

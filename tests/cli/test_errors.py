@@ -140,6 +140,13 @@ def test_unknown_names(run, rec):
     check(run("estimat"), 2, "did you mean 'estimate'")
 
 
+@pytest.mark.parametrize("command", ["simulate", "estimate", "convert", "plot", "train-classifier"])
+def test_output_that_nobody_named(run, rec, command):
+    words = {"simulate": ["uwb-los"], "estimate": ["-e", "mean", rec], "convert": [rec, "x.h5"]}
+    words |= {"plot": ["scene", rec], "train-classifier": []}
+    check(run(command, *words[command]), 2, "Missing option '-o'")
+
+
 def test_parameter_that_only_the_recording_gives(estimate, rec):
     estimate(rec, "--ignore-sensor-model", words=["'max_range'"])
 
