@@ -24,7 +24,7 @@ _BYTES = re.compile(r"(\d+(?:\.\d+)?) ?([kMGT]?)i?B?")
 _UNITS = {"": 1, "k": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 _GROUP = Path("/sys/fs/cgroup/memory.max")
 _SOFT, _HARD = resource.getrlimit(resource.RLIMIT_DATA)
-_TOO_LARGE = ("array is too big", "Maximum allowed dimension exceeded", "array size exceeds")
+_TOO_LARGE = ("array is too big", "Maximum allowed ", "array size exceeds")
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO}
 _SHORT = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN}
 

@@ -12,7 +12,7 @@ from typing import Any
 from numpy.linalg import LinAlgError
 
 from ..models.checks import check_objects, check_steps
-from ..models.errors import EstimatorError, FormatError, InputError
+from ..models.errors import EstimatorError, FormatError, InputError, is_out_of_range
 from ..models.parameters import Layer, as_dict, resolve, sensor_model
 from ..models.random import generator
 from ..models.records import Estimates, Recording, Scan
@@ -95,7 +95,9 @@ class EstimatorRun:
             start = now()
             try:
                 step = next(steps, None)
-            except (LinAlgError, FloatingPointError) as error:
+            except (ArithmeticError, ValueError) as error:
+                if not (isinstance(error, LinAlgError) or is_out_of_range(error)):
+                    raise
                 raise EstimatorError(f"{self.label}: step {number}: {error}") from error
             seconds = now() - start
             if step is None:
