@@ -17,7 +17,7 @@ def inspect(file: str) -> dict[str, Any]:
     """Header and shapes by path; of scores, the names in them."""
     with spooled(file) as path:
         if PurePath(file).suffix not in SCORES:
-            found = formats.summary(path, label(file))
+            found = formats.summary(path)
             if found["kind"] != "scores":
                 provenance = {k: json.loads(v) for k, v in found.items() if _is_provenance(k)}
                 return {**found, **provenance}

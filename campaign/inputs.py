@@ -13,7 +13,7 @@ from tempfile import NamedTemporaryFile
 from time import monotonic, sleep
 from typing import IO, Any
 
-from ..models.errors import InputError, OutputError, ParameterError
+from ..models.errors import FormatError, InputError, OutputError, ParameterError
 from ..models.records import Estimates, Recording, Scores
 from .outputs import DASH
 
@@ -83,6 +83,7 @@ def spooled(source: str) -> Iterator[Path]:
     Raises
     ------
     InputError : it is neither file nor pipe, or a pipe that nobody writes to
+    FormatError : from the block, of a temporary file: with the name of the input instead
     OutputError : there is no room for the temporary file
     """
     if not is_pipe(source):
@@ -96,7 +97,12 @@ def spooled(source: str) -> Iterator[Path]:
                     file.flush()
                 except OSError as error:
                     raise _no_room(label(source), error) from error
-        yield Path(file.name)
+        try:
+            yield Path(file.name)
+        except FormatError as error:
+            if error.path != file.name:
+                raise
+            raise FormatError(label(source), error.where, error.reason) from error
 
 
 def _temporary(name: str) -> Any:
