@@ -49,12 +49,12 @@ class Task:
         return inputs.label(self.source)
 
     @property
-    def sources(self) -> tuple[str]:
-        """The estimates."""
-        return (self.source,)
+    def sources(self) -> tuple[str, ...]:
+        """The estimates, and the recordings or folders of them."""
+        return self.source, *self.truth
 
     def placed(self, execution: Execution) -> Task:
-        """The task for those who do it."""
+        """The task with the paths of the workers."""
         source, places = execution.place(self.source), execution.places(self.truth)
         return replace(self, source=source, truth=places)
 
@@ -120,6 +120,11 @@ class Table(Whole[Scores]):
     pool: bool
     gates: tuple[Gate, ...]
     config: str | None
+
+    @property
+    def inputs(self) -> tuple[str | None]:
+        """The file of parameters."""
+        return (self.config,)
 
     def sources(self, tasks: Sequence[Task]) -> list[str | None]:
         """Estimates, then the recordings that they were made from, then the parameters."""
