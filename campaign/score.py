@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
 
 from .. import formats
 from ..formats import scores as files
@@ -103,6 +106,7 @@ def score(task: Task) -> Scores:
     kept = [table for table in tables if table is not None]
     if not kept:
         raise refused[0]
+    _tell_left_out(task.label, Scores.join(kept))
     used = {name: p for t in kept for name, p in t.provenance["metrics"].items()}
     return replace(Scores.join(kept), provenance={"metrics": used, "versions": versions()})
 
@@ -147,13 +151,15 @@ def _measure(
 
     Where nobody asked for them, those for sets wait until there is more than one object.
     """
-    gap = max((getattr(m.params, "max_gap", 0.0) for m in running), default=0.0)
-    beside = TruthWindow(about.head, iter(about), min(int(gap * 1e9) + 1, 1 << 60))
+    beside = TruthWindow(about.head, iter(about))
+    for metric in running:
+        metric.settle(beside.start)
+    gap = max((metric.gap for metric in running), default=0.0)
     waiting: list[tuple[Estimates, Recording]] = []
     single = not task.required
     windows = progress.share(found, found, about) if task.show else found
     for window in windows:
-        pair = window, beside.around(window.objects.time_ns)
+        pair = window, beside.around(window.objects.time_ns, gap)
         single = single and is_one_object(*pair)
         for metric in running:
             if not (single and metric.for_sets):
@@ -164,6 +170,23 @@ def _measure(
     beside.rest()
     for metric in running:
         metric.dropped = single and metric.for_sets
+
+
+MANY = 0.05
+"""Share of the steps from which on those that are left out are told without being asked."""
+
+
+def _tell_left_out(label: str, scores: Scores) -> None:
+    """Say of how many steps the scores are, where the metric that has fewest leaves some out."""
+    left = scores.where(metric=lambda name: name.endswith("-left-out"))
+    if not len(left) or not left.value.any():
+        return
+    k = int(np.argmax(left.value / np.maximum(left.n, 1)))
+    steps, out = int(left.n[k]), int(left.value[k])
+    level = logging.WARNING if out > MANY * steps else logging.INFO
+    text = "%s: %s is of %d of %d steps: the others lack truth within max_gap, or an estimate"
+    name = left.metric[k].removesuffix("-left-out")
+    log.logger.log(level, text, label, name, steps - out, steps)
 
 
 def _whole(source: Path, place: Path | None, label: str) -> tuple[Estimates, Recording]:

@@ -119,16 +119,19 @@ def _matrix(scores: Scores, indices: Array, column: Array) -> tuple[Array, Array
 def _means(value: Array, weight: Array, rms: bool) -> tuple[Array, Array]:
     """Weighted means over recordings (K,), and those of every resample (B, K).
 
-    About the largest value, so that the mean of equal values is exact.
+    About the largest value, so that the mean of equal values is exact, and never below the least,
+    as rounding has it: a square below zero has no root.
     """
     power = value**2 if rms else value
     base = power.max(axis=0, where=weight > 0, initial=-np.inf)
+    least = power.min(axis=0, where=weight > 0, initial=np.inf)
     excess = np.where(weight > 0, (power - base) * weight, 0.0)
     draws = np.vstack([np.ones(len(value)), recording_weights(len(value), RESAMPLES)])
     total = draws @ weight
     means = base + np.divide(
         draws @ excess, total, out=np.full(total.shape, np.nan), where=total > 0
     )
+    means = np.maximum(means, least)
     means = np.sqrt(means) if rms else means
     return means[0], means[1:]
 

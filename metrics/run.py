@@ -8,7 +8,8 @@ from typing import Any
 
 from ..models.errors import InputError
 from ..models.parameters import Layer, as_dict, resolve, sensor_model
-from ..models.records import Estimates, Recording, Scores
+from ..models.records import Estimates, Objects, Recording, Scores
+from .kit.alignment import Scored, settle
 from .kit.measured import Measured, finish
 from .protocol import load
 
@@ -29,6 +30,7 @@ class MetricRun:
         self.params: Any = resolve(
             self._metric.Params, *sensor_model(recording, self._metric.Params), *user
         )
+        self._settled = self.params
         self._names = recording.meta.name, estimates.estimator
         self._measured: list[Measured] = []
         self._steps = 0
@@ -48,11 +50,21 @@ class MetricRun:
         """Whether it takes windows of steps."""
         return self._metric.measure is not None
 
+    @property
+    def gap(self) -> float:
+        """The longest gap [s] of the truth that is interpolated, once it is settled."""
+        return float(getattr(self._settled, "max_gap", None) or 0.0)
+
+    def settle(self, start: Objects | None) -> None:
+        """Settle all parameters that follow from the ``start`` of the truth."""
+        if start is not None and isinstance(self.params, Scored):
+            self._settled = settle(self.params, start)
+
     def measure(self, estimates: Estimates, recording: Recording) -> None:
         """Take the next window of steps, unless the metric is out or takes none."""
         if self.error is not None or self._metric.measure is None:
             return
-        params = self.params
+        params = self._settled
         if getattr(params, "skip", 0):
             params = replace(params, skip=max(0, params.skip - self._steps))
         try:

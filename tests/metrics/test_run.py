@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.sets import scene
+from support.sets import SECOND, scene, some
 
 import echoset
 from echoset import formats
@@ -19,7 +19,7 @@ from echoset.metrics import protocol
 from echoset.metrics.kit.table import rows
 from echoset.models import registry
 from echoset.models.parameters import parameter
-from echoset.models.records import Estimates, Meta, Recording, Sensor, Stream
+from echoset.models.records import Estimates, Meta, Recording, Sensor, Stream, Truth
 
 BOUNDS = ("pcrlb", "pcrlb-star")
 NAMES = registry.names("echoset.metrics")
@@ -115,3 +115,20 @@ def test_plain_module_is_a_metric(monkeypatch):
     assert (metric.PARTS, metric.STREAMS, metric.FOR_SETS, metric.QUADRATIC) == ((), (), False, ())
     estimates, recording = scene(True)
     assert echoset.score(estimates, recording, "plain", offset=3.0).value.tolist() == [3.0]
+
+
+def test_number_of_steps_that_count_is_told(tmp_path, capsys):
+    """A reference of every 10 s, known at 100 s of 400."""
+    times = np.arange(400) * SECOND
+    rng = np.random.default_rng(3)
+    estimates = Estimates(Meta("r", provenance={"estimator": "e"}), some(rng, times, 1, True), {})
+    truth = Truth(some(rng, times[100:201:10], 1, True))
+    estimates = replace(estimates, recording=Recording(Meta("r"), {}, {}, truth))
+    formats.write(estimates, tmp_path / "e.h5", "h5")
+    for metric in ("rmse", "gospa"):
+        words = ("score", tmp_path / "e.h5", "-m", metric, "-o", tmp_path / f"{metric}.csv")
+        assert main([*map(str, words)]) == 0
+        (line,) = capsys.readouterr().err.splitlines()
+        assert f"{metric} is of 101 of 400 steps" in line
+        found = archive.read(tmp_path / f"{metric}.csv").where(metric=f"{metric}-left-out")
+        assert (found.value.tolist(), found.n.tolist()) == ([299.0], [400])
