@@ -15,16 +15,13 @@ from .protocol import load
 
 
 class MetricRun:
-    """A metric with its parameters, what it measured so far, and why it does not apply, if so.
-
-    It is ``dropped`` where it turns out not to have been meant.
-    """
+    """A metric with its parameters, what it measured so far, and why it does not apply, if so."""
 
     def __init__(
         self, name: str, user: Iterable[Layer], estimates: Estimates, recording: Recording
     ) -> None:
         """The metric ``name`` with its parameters; it does not apply without a stream it needs."""
-        self.name, self.dropped = name, False
+        self.name = name
         self.error: InputError | None = None
         self._metric = load(name)
         self.params: Any = resolve(
@@ -39,11 +36,6 @@ class MetricRun:
         if kinds and not any(s.kind in kinds for s in recording.streams.values()):
             reason = f"{name} needs a stream of {' or '.join(kinds)}"
             self.error = InputError(f"{recording.meta.name}: {reason}")
-
-    @property
-    def for_sets(self) -> bool:
-        """Whether it scores sets of objects."""
-        return self._metric.FOR_SETS
 
     @property
     def by_steps(self) -> bool:
@@ -88,8 +80,6 @@ class MetricRun:
         ------
         InputError : it does not apply, but is ``required``
         """
-        if self.dropped:
-            return None
         table, summarise = self._table, self._metric.summarise
         if self.error is None and table is None and summarise is not None:
             try:
