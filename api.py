@@ -10,7 +10,7 @@ from . import formats
 from .estimators.run import Estimation
 from .formats.atomic import atomic
 from .formats.provenance import versions
-from .formats.steps import concatenate
+from .formats.windows import concatenate
 from .metrics import run
 from .models.records import Estimates, Recording, Scores
 

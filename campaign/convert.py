@@ -18,7 +18,7 @@ from . import exits, log
 from .batch import resume
 from .batch.execution import Execution
 from .batch.task import Whole
-from .inputs import is_scores, label, read, read_scores, spooled
+from .inputs import is_pipe, is_scores, label, spooled
 from .layers import layers
 from .outputs import DASH, Target
 from .progress import share
@@ -57,12 +57,13 @@ class Task:
     recover: bool = False
 
     @property
-    def sources(self) -> tuple[str, ...]:
+    def sources(self) -> tuple[str | None, ...]:
         """The files that are read."""
-        return (self.label,) if self.foreign is None else self.foreign.inputs
+        f = self.foreign
+        return (self.label,) if f is None else (*f.inputs, f.mapping, f.config)
 
     def placed(self, execution: Execution) -> Task:
-        """The task for those who do it."""
+        """The task with the paths of the workers."""
         foreign = self.foreign
         if foreign is not None:
             foreign = replace(foreign, inputs=execution.places(foreign.inputs))
@@ -71,7 +72,7 @@ class Task:
 
     def decide(self) -> resume.Decision:
         """Whether the file has to be written: not if its content is the same already."""
-        if self.foreign is not None or self.label == DASH:
+        if self.foreign is not None or is_pipe(self.label):
             return resume.decide(replace(self.target, resume=False), dict)
         return resume.decide(self.target, self._expected)
 
@@ -88,24 +89,14 @@ class Task:
         if self.foreign is not None:
             _write(self.foreign.read(), self.target)
             return False
-        if self.recover:
-            return self._recover()
-        if self.label != DASH and is_scores(self.label):
-            _write(read_scores(self.label), self.target)
-            return False
         with spooled(self.label) as path:
-            if not _passed_on(path, self):
-                _write(read(str(path)), self.target)
-        return False
-
-    def _recover(self) -> bool:
-        with spooled(self.label) as path:
-            try:
+            if self.recover:
                 return _recovered(path, self)
-            except FormatError as error:
-                if error.path != str(path) or self.label != DASH:
-                    raise
-                raise FormatError("<stdin>", error.where, error.reason) from error
+            if self.label != DASH and is_scores(path, self.label):
+                _write(scores.read(path, self.label), self.target)
+            elif not _passed_on(path, self):
+                _write(formats.read(path, label(self.label)), self.target)
+        return False
 
 
 class Recovered(Whole[bool]):
@@ -128,14 +119,13 @@ def _recovered(path: Path, task: Task) -> bool:
         return replace(task, recover=False).run()
     with closing(formats.rescue(path)) as found, task.target.open() as opened:
         writer: Any = None
-        carried: tuple[Recording | None, ...] = ()
         try:
             for window in found:
                 if writer is None:
-                    writer = _writer(window, opened, task.target)
-                    carried = () if isinstance(window, Recording) else (None,)
+                    _known(task.target, window)
+                    writer = formats.writer(opened, task.target.format)
                 writer.append(window)
-            writer.close(found.meta, *(found.recording for _ in carried))
+            writer.close(found.meta, found.recording)
         finally:
             if writer is not None:
                 writer.abort()
@@ -150,11 +140,11 @@ def _recovered(path: Path, task: Task) -> bool:
 def _passed_on(path: Path, task: Task) -> bool:
     """Whether the record could be written window by window as it was read: not what it carries."""
     with closing(formats.open_windows(path, label(task.label))) as windows:
-        if windows.carries:
+        if windows.has_recording:
             return False
         _known(task.target, windows.head)
         with task.target.open() as opened:
-            writer = _writer(windows.head, opened, task.target)
+            writer = formats.writer(opened, task.target.format)
             try:
                 for window in share(windows, windows) if task.show else windows:
                     writer.append(window)
@@ -162,14 +152,6 @@ def _passed_on(path: Path, task: Task) -> bool:
             finally:
                 writer.abort()
     return True
-
-
-def _writer(record: Recording | Estimates, opened: Any, target: Target) -> Any:
-    """A writer of records of the kind of ``record``."""
-    _known(target, record)
-    single = isinstance(record, Recording)
-    make: Any = formats.recording_writer if single else formats.estimates_writer
-    return make(opened, target.format)
 
 
 def _write(record: Recording | Estimates | Scores, target: Target) -> None:

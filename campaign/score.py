@@ -53,12 +53,12 @@ class Task:
         return inputs.label(self.source)
 
     @property
-    def sources(self) -> tuple[str]:
-        """The estimates."""
-        return (self.source,)
+    def sources(self) -> tuple[str, ...]:
+        """The estimates, and the recordings or folders of them."""
+        return self.source, *self.truth
 
     def placed(self, execution: Execution) -> Task:
-        """The task for those who do it."""
+        """The task with the paths of the workers."""
         source, places = execution.place(self.source), execution.places(self.truth)
         return replace(self, source=source, truth=places)
 
@@ -96,9 +96,10 @@ def score(task: Task) -> FileScores:
         estimates = found.head
         if isinstance(estimates, Recording):
             raise InputError(f"{task.label}: holds a recording, not estimates")
-        place = None if found.carries else truth.find(estimates, task.label, task.truth)
-        how = (source, task.label, True) if place is None else (place, place)
-        about = stack.enter_context(closing(formats.open_windows(*how, scans=False)))
+        place = None if found.has_recording else truth.find(estimates, task.label, task.truth)
+        path, label = (source, task.label) if place is None else (place, str(place))
+        beside = formats.open_windows(path, label, recording=place is None, scans=False)
+        about = stack.enter_context(closing(beside))
         recording = about.head
         assert isinstance(recording, Recording)
         announce_compilation()
@@ -172,6 +173,11 @@ class Table(Whole[FileScores]):
     gates: tuple[Gate, ...]
     config: str | None
     required: bool
+
+    @property
+    def inputs(self) -> tuple[str | None]:
+        """The file of parameters."""
+        return (self.config,)
 
     def sources(self, tasks: Sequence[Task]) -> list[str | None]:
         """Estimates, then the recordings that they were made from, then the parameters."""

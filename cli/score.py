@@ -14,7 +14,7 @@ from . import options
 @click.option(
     "--truth",
     multiple=True,
-    type=click.Path(),
+    type=options.PATH,
     metavar="FILE|DIR",
     help="Recording of the estimates, or a folder where it is; any number of times.",
 )

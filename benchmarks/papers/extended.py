@@ -25,7 +25,7 @@ import yaml
 import echoset
 from echoset.estimators.gsncp import dbscan, di_gsncp, oracle
 from echoset.estimators.gsncp.chain import sample
-from echoset.formats.steps import concatenate
+from echoset.formats.windows import concatenate
 from echoset.metrics.kit.table import rows
 from echoset.metrics.pooling import pool
 from echoset.models.parameters import resolve, sensor_model

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.sets import scene
 
-from echoset.formats.steps import part
+from echoset.formats.windows import part
 from echoset.metrics.beside import TruthWindow
 from echoset.metrics.kit.measured import Measured, finish
 from echoset.metrics.protocol import load
