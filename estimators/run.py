@@ -62,7 +62,11 @@ class Estimation:
             raise InputError(f"{label}: has {has}, but {self.estimator} needs a stream of {needs}")
         setup = replace(setup, streams=visible)
         stated = sensor_model(setup, module.Params) if self.use_sensor_model else ()
-        return EstimatorRun(self, setup, resolve(module.Params, *stated, *self.layers), label)
+        if hasattr(module, "resolved"):
+            params = module.resolved(module.Params, setup, stated, self.layers)
+        else:
+            params = resolve(module.Params, *stated, *self.layers)
+        return EstimatorRun(self, setup, params, label)
 
 
 @dataclass(frozen=True, slots=True)
