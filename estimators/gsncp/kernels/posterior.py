@@ -141,7 +141,10 @@ def sensor(scene: Scene, c: Array) -> tuple[Array, Array, Array]:
 
 
 def columns(scene: Scene, c: Array, e: Array) -> tuple[Array, Array, Array]:
-    """rho (L, K), eta (L, M) and the precision A (L, 3, 3) of targets c (L, 3), e (L, 6)."""
+    """rho (L, K), eta (L, M) and the precision A (L, 3, 3) of targets c (L, 3), e (L, 6).
+
+    Along an axis on which D is flat, where nothing moves, A is one.
+    """
     p, S, r = sensor(scene, c)
     rho = np.maximum(scene.p_false, p) * np.maximum(1.0, extent.volume(e)[:, None] * r)
     S = S + extent.covariance(e)[:, None]
@@ -152,7 +155,11 @@ def columns(scene: Scene, c: Array, e: Array) -> tuple[Array, Array, Array]:
         peak = rho[:, k] / np.sqrt(np.linalg.det(2 * np.pi * S[:, k]))
         eta[:, a:b] = np.where(d2 <= scene.gate, peak[:, None] * np.exp(-d2 / 2), 0.0)
     w = rho if scene.informed else np.ones_like(rho)
-    return rho, eta, np.einsum("lk,lkij->lij", w, np.linalg.inv(S))
+    A = np.einsum("lk,lkij->lij", w, np.linalg.inv(S))
+    closed = ~free(scene.lower, scene.upper)[0]
+    A[:, closed], A[:, :, closed] = 0.0, 0.0
+    A[:, closed, closed] = 1.0
+    return rho, eta, A
 
 
 def feasible(scene: Scene, c: Array, e: Array) -> bool:

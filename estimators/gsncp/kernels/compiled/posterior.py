@@ -144,6 +144,10 @@ def column(
             else:
                 fresh[m] = 0.0
     A[0, 1], A[0, 2], A[1, 2] = A[1, 0], A[2, 0], A[2, 1]
+    for a in range(3):
+        if not scene.upper[a] > scene.lower[a]:
+            A[a, :], A[:, a] = 0.0, 0.0
+            A[a, a] = 1.0
     return total
 
 
