@@ -132,7 +132,7 @@ def burn_in(
             raise EstimatorError("the log posterior is not finite")
         adapt(scale, info, params.acceptance)
         gain = 1 / min(len(runs), params.smoothing)
-        target = known(params, labelled(scene, state, intensity, D, rng), D)
+        target = known(params, labelled(scene, state, intensity, rng), D)
         intensity = intensity + gain * (target - intensity)
         done, since = done + params.block, since + params.block
         if info.trace.max() > best:
@@ -208,15 +208,11 @@ def adapt(scale: Array, info: Info, acceptance: float) -> None:
     scale[:] = np.clip(scale, 1e-3, 10.0)
 
 
-def labelled(
-    scene: Scene, state: State, intensity: Array, D: float, rng: np.random.Generator
-) -> Array:
+def labelled(scene: Scene, state: State, intensity: Array, rng: np.random.Generator) -> Array:
     """Intensities (lambda, lambda_c) of a sampled labelling of the detections as clutter."""
-    M, K, L = len(scene.weight), len(scene.offset) - 1, int(state.size[0])
-    clutter = (rng.random(M) * (intensity[1] + state.shot) < intensity[1]).sum()
-    rho = state.rho[:L].sum()
-    targets = L * (M - clutter) / (D * rho) if L else 0.0
-    return np.array([max(1e-5, targets), max(1e-5, clutter / (max(K, 1) * D))])
+    L = int(state.size[0])
+    clutter = rng.random(len(state.shot)) * (intensity[1] + state.shot) < intensity[1]
+    return gsncp.intensities(scene, L, state.rho[:L].sum(), clutter.sum())
 
 
 def known(params: ChainParams, intensity: Array, D: float) -> Array:

@@ -118,12 +118,10 @@ def log_posterior(sight: Scene, state: State, x: Array, label: Array) -> float:
     Clusters within the hard core are held against a configuration, but do not rule it out, so
     that one always wins: by more than any likelihood could make good.
     """
-    L, M, K = len(x), len(label), len(sight.offset) - 1
+    L = len(x)
     state.size[0], state.c[:L], state.e[:L] = L, x[:, :3], x[:, 3:]
     compiled.refresh(sight, state)
-    D = gsncp.free(sight.lower, sight.upper)[1]
     clutter = float((label < 0).sum())
-    rho = state.rho[:L].sum()
-    intensity = np.maximum(1e-5, [L * (M - clutter) / (D * rho) if L else 0.0, clutter / (K * D)])
+    intensity = gsncp.intensities(sight, L, state.rho[:L].sum(), clutter)
     close = 0 if gsncp.feasible(sight, x[:, :3], x[:, 3:]) else 1e9
     return compiled.log_posterior(sight, state, intensity) - close

@@ -35,6 +35,8 @@ MAX_GATE = 100.0
 FLOOR = 0.1
 """Where an element of an extent is nearer to zero [m], the paper's steps are those of this one:
 steps that are only proportional would linger at zero."""
+LEAST = 0.1
+"""Least mean number of targets, and of false detections a scan, that intensities amount to."""
 UNIFORMS, NORMALS = 14, 6
 """Random numbers that one move is given."""
 
@@ -179,6 +181,16 @@ def log_posterior(scene: Scene, c: Array, e: Array, intensity: Array) -> float:
     likelihood = K * (1 - intensity[1]) * D - rho.sum() + np.log(intensity[1] + eta.sum(0)).sum()
     prior = np.log(intensity[0]) - np.log(free(scene.e_lower, scene.e_upper)[1])
     return float(likelihood + len(c) * prior)
+
+
+def intensities(scene: Scene, L: int, rho: float, clutter: float) -> Array:
+    """Intensities (lambda, lambda_c) if L targets expect rho detections and ``clutter`` are false.
+
+    The model intensities update of section 4, with a least value that is a number in the region.
+    """
+    K, M, D = len(scene.offset) - 1, len(scene.weight), free(scene.lower, scene.upper)[1]
+    targets = L * (M - clutter) / (D * rho) if L else 0.0
+    return np.maximum(LEAST / D, [targets, clutter / (max(K, 1) * D)])
 
 
 def refresh(scene: Scene, state: State) -> None:

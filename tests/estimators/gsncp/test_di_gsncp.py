@@ -126,6 +126,39 @@ def planar(kind: str, turned: float = 0.5) -> Recording:
     return recording
 
 
+def sea(c: np.ndarray, side: float, std: float, per_target: float, false: int) -> Recording:
+    """One look at round targets c (L, 2) of a standard deviation [m] in a square of clutter."""
+    rng = np.random.default_rng(11)
+    origin = np.repeat(np.arange(len(c)), rng.poisson(per_target, len(c)))
+    z = c[origin] + rng.normal(size=(len(origin), 2)) * np.hypot(std, 1.0)
+    z = np.vstack([z, rng.uniform(0, side, (false, 2))])
+    model = {"p_detect": 1.0, "std_position": 1.0, "clutter_region": [0.0, side, 0.0, side]}
+    rows = {"x": z[:, 0].copy(), "y": z[:, 1].copy()}
+    stream = Stream(
+        "position", ("A",), model, np.zeros(1, np.int64), np.array([0, len(z)], np.int64), {}, rows
+    )
+    at = Sensor("radar", np.zeros(1, np.int64), np.zeros((1, 3)), np.array([[0.0, 0, 0, 1]]))
+    recording = Recording(Meta("sea"), {"A": at}, {"A": stream})
+    check(recording)
+    return recording
+
+
+@pytest.mark.parametrize(
+    ("module", "each", "own"),
+    [(di_gsncp, 8.0, {"spread": 100.0}), (dbscan, 12.0, {"radii": (150.0, 250.0)})],
+    ids=["chain", "dbscan"],
+)
+def test_few_targets_on_a_wide_sea_are_found(module, each, own):
+    x, y = np.meshgrid(np.linspace(1000, 9000, 5), np.linspace(2000, 8000, 3))
+    c = np.stack([x.ravel(), y.ravel()], 1)
+    settings = {"cell": 200.0, "hard_core_radius": 500.0, "std_position": 100.0}
+    settings |= {"resolution": each / 1.25**2} | own
+    found = run(module, sea(c, 1e4, 100.0, each, 30), settings).objects.state[:, :2]
+    gap = np.linalg.norm(c[:, None] - found, axis=-1).min(1)
+    assert len(found) == 15
+    assert gap.max() < 4.5 * 100.0 * np.sqrt(2 / 4)
+
+
 @pytest.mark.parametrize("kind", ["position", "range_bearing"])
 @pytest.mark.parametrize("module", [di_gsncp, dbscan, oracle], ids=["chain", "dbscan", "oracle"])
 def test_the_plane(kind, module):
