@@ -159,6 +159,17 @@ def test_few_targets_on_a_wide_sea_are_found(module, each, own):
     assert gap.max() < 4.5 * 100.0 * np.sqrt(2 / 4)
 
 
+def test_clusters_at_the_border_stay_where_they_are_and_those_beyond_are_dropped():
+    recording = sea(np.array([[-0.3, 20.0], [-9.0, 30.0], [25.0, 25.0]]), 50.0, 0.1, 40.0, 0)
+    z = np.stack([recording.streams["A"].rows[a] for a in "xy"], 1)
+    border = z[np.abs(z[:, 1] - 20) < 4.9]
+    means = np.array([border[border[:, 0] < 10].mean(0), z[z[:, 0] > 10].mean(0)])
+    assert means[0, 0] < 0
+    settings = {"resolution": 40 / 1.5, "radii": (3.0,), "neighbours": (1,)}
+    found = run(dbscan, recording, settings).objects.state[:, :2]
+    np.testing.assert_allclose(found[np.argsort(found[:, 0])], means, atol=1e-9)
+
+
 @pytest.mark.parametrize("kind", ["position", "range_bearing"])
 @pytest.mark.parametrize("module", [di_gsncp, dbscan, oracle], ids=["chain", "dbscan", "oracle"])
 def test_the_plane(kind, module):
