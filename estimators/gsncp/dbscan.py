@@ -17,6 +17,7 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from ...models import extent
+from ...models.grids import Grid
 from ...models.parameters import parameter, require
 from ...models.records import Array, Estimates, Recording, Scan
 from ..presets import Presets
@@ -28,7 +29,7 @@ from .oracle import fit
 from .output import Labels, objects
 from .params import SceneParams
 from .scene import epochs, grid, scene
-from .sensors import STREAMS, noise
+from .sensors import STREAMS, SensorState, noise
 
 SUMMARY = "extended targets as DBSCAN clusters, the configuration of best posterior"
 PRESETS = Presets(__package__, "dbscan")
@@ -79,21 +80,26 @@ def estimate(
     for time_ns, states in epochs(params, setup, scans, nodes):
         seen = [*seen, states][-params.epochs :]
         flat = [s for epoch in seen for s in epoch]
-        sight = scene(params, flat, nodes, **births)
-        z = sight.z.T
-        S = noise(flat, nodes, [s.z for s in flat])
-        best, x = -np.inf, np.zeros((0, 9))
-        state = gsncp.empty(sight, params.max_targets)
-        for every in configurations(z[:, : params.dimension], params, len(seen)):
-            label = within(z, every, params)
-            if label.max(initial=-1) < params.max_targets:
-                found = targets(z, S, label, params)
-                score = log_posterior(sight, state, found, label)
-                if score > best:
-                    best, x = score, found
+        x = best(scene(params, flat, nodes, **births), flat, nodes, params, len(seen))
         count = {"cardinality_mean": np.array([len(x)], float), "cardinality_variance": np.zeros(1)}
         names = persistent.of(x[:, :3], max(params.hard_core_radius, 1.0) / 2)
         yield Estimates(setup.meta, objects(time_ns, x, names, params.dimension), count)
+
+
+def best(sight: Scene, states: list[SensorState], nodes: Grid, params: Params, scale: int) -> Array:
+    """Centres and extents (L, 9) of the configuration of best posterior, of ``scale`` epochs."""
+    z = sight.z.T
+    S = noise(states, nodes, [s.z for s in states])
+    highest, x = -np.inf, np.zeros((0, 9))
+    state = gsncp.empty(sight, params.max_targets)
+    for every in configurations(z[:, : params.dimension], params, scale):
+        label = within(z, every, params)
+        if label.max(initial=-1) < params.max_targets:
+            found = targets(z, S, label, params)
+            score = log_posterior(sight, state, found, label)
+            if score > highest:
+                highest, x = score, found
+    return x
 
 
 def configurations(z: Array, params: Params, scale: int) -> Iterator[Array]:

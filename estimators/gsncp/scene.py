@@ -86,9 +86,6 @@ def scene(params: SceneParams, states: Iterable[SensorState], grid: Grid, **birt
     outside = np.array([params.p_false, *np.eye(3)[np.triu_indices(3)] * params.outside_variance])
     if params.dimension == 2:
         outside[[3, 5, 6]] = 0.0, 0.0, 1 / (2 * pi) - 1
-    cells = np.array([s.cell for s in states])
-    if not (cells == cells[0]).all():
-        raise InputError("the streams' resolutions differ")
     return Scene(
         np.ascontiguousarray(z.T),
         np.concatenate([[0], np.cumsum(count)]).astype(np.int64),
@@ -98,7 +95,7 @@ def scene(params: SceneParams, states: Iterable[SensorState], grid: Grid, **birt
         outside,
         np.array([s.position for s in states]),
         np.array([s.frame for s in states]),
-        cells[0],
+        np.array([s.cell for s in states]),
         lower,
         upper,
         *params.extent_box,

@@ -47,8 +47,8 @@ class Scene(NamedTuple):
     Detections z (3, M) [m] in the map frame, by sensor state and then along x; those of state k
     are ``offset[k]:offset[k + 1]``. ``table`` (K, nx, ny, nz, 7) holds p_D and the covariance xx xy
     xz yy yz zz at the nodes ``origin + i spacing``, ``outside`` (7,) beyond. ``position`` (K, 3)
-    and ``frame`` (K, 3, 3) take points to the array's axes, for which ``cell`` (5,) holds the
-    arguments of :func:`echoset.models.ofdm.resolved`; its first is 0 where the last is r itself.
+    and ``frame`` (K, 3, 3) take points to the array's axes, for which ``cell`` (K, 5) holds the
+    arguments of :func:`echoset.models.ofdm.resolved`; the first is 0 where the last is r itself.
     Centres lie in [lower, upper] (3,), ``radius`` apart, extents in [e_lower, e_upper] (6,).
     Detections with a squared Mahalanobis distance above ``gate`` have eta = 0. Births look where
     ``weight`` (M,) is high, ``spread`` [m] around detections, or anywhere with probability
@@ -136,10 +136,11 @@ def sensor(scene: Scene, c: Array) -> tuple[Array, Array, Array]:
     row, column = np.triu_indices(3)
     S = np.zeros((len(c), K, 3, 3))
     S[..., row, column] = S[..., column, row] = value[..., 1:]
-    if scene.cell[0] == 0:
-        return value[..., 0], S, np.full((len(c), K), scene.cell[4])
     q = np.einsum("kij,lkj->lki", scene.frame, c[:, None] - scene.position)
-    return value[..., 0], S, resolved(q, *scene.cell)
+    r = np.tile(scene.cell[:, 4], (len(c), 1))
+    told = scene.cell[:, 0] > 0
+    r[:, told] = resolved(q[:, told], *scene.cell[told].T)
+    return value[..., 0], S, r
 
 
 def columns(scene: Scene, c: Array, e: Array) -> tuple[Array, Array, Array]:

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from echoset.estimators.gsncp import dbscan, di_gsncp, oracle
+from echoset.estimators.gsncp.chain import put
+from echoset.estimators.gsncp.kernels import posterior as gsncp
+from echoset.estimators.gsncp.kernels.compiled import posterior as compiled
 from echoset.estimators.gsncp.output import Labels
 from echoset.formats.steps import concatenate
 from echoset.metrics import ospa_gw
-from echoset.models import extent
+from echoset.models import extent, ofdm
 from echoset.models.checks import check, check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
 from echoset.models.parameters import resolve, sensor_model
@@ -246,6 +249,33 @@ def test_what_cannot_be_is_refused(recording):
         run(oracle, replace(recording, truth=None), {})
     with pytest.raises(ParameterError, match="births as often as deaths"):
         run(di_gsncp, recording, {"moves": (0.5, 0.2, 0.2, 0.1, 0.0, 0.0)})
+
+
+def test_every_radar_has_its_own_resolution(recording):
+    unlike = changed(recording, "R1", side=16, azimuth_factor=2.0, max_resolution=30.0)
+    streams = dict(unlike.streams)
+    model = {k: v for k, v in streams["R0"].model.items() if k != "bandwidth"}
+    streams["R0"] = replace(streams["R0"], model=model)
+    setting = ("", {"resolution": 7.0})
+    params = resolve(di_gsncp.Params, *sensor_model(recording, di_gsncp.Params), setting)
+    for radars in (unlike, replace(unlike, streams=streams)):
+        (_, scene), *_ = di_gsncp.scenes(radars.setup(), radars.scans(), params)
+        c, e = np.array([[20.0, 8, 4]]), np.array([[1.2, 0.1, 1.3, 0, 0.2, 1.1]])
+        told = [ofdm.Radar(), ofdm.Radar(side=16, azimuth_factor=2.0, max_resolution=30.0)]
+        r = [
+            float(ofdm.resolution(ofdm.State(radar, x, np.eye(3), np.zeros((0, 1))), c)[0])
+            for radar, x in zip(told, scene.position, strict=True)
+        ]
+        if radars is not unlike:
+            r[0] = 7.0
+        rho, _, _ = gsncp.columns(scene, c, e)
+        p, _, _ = gsncp.sensor(scene, c)
+        assert r[0] != r[1]
+        np.testing.assert_allclose(rho[0], p[0] * np.maximum(1, 1.2 * 1.3 * 1.1 * np.array(r)))
+        state = gsncp.empty(scene, 1)
+        put(state, c, e)
+        compiled.refresh(scene, state)
+        assert state.rho[0] == pytest.approx(rho.sum(), rel=1e-12)
 
 
 def test_targets_all_closer_than_the_hard_core_leave_one_estimate(recording):

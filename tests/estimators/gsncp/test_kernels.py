@@ -42,7 +42,7 @@ def plane(n: int = 30, spread: float = 1.0, uniform: float = 0.05) -> Scene:
     z = np.vstack([np.sort(rng.uniform(0, 12, n)), rng.uniform(0, 8, n), np.zeros(n)])
     return Scene(
         z, np.array([0, n]), table, np.zeros(3), np.ones(3), np.zeros(7), np.zeros((1, 3)),
-        np.eye(3)[None], np.array([0.0, 0, 0, 0, 2.0]), np.zeros(3), np.array([12.0, 8.0, 0.0]),
+        np.eye(3)[None], np.array([[0.0, 0, 0, 0, 2.0]]), np.zeros(3), np.array([12.0, 8.0, 0.0]),
         np.array([1.0, -0.5, 1, 0, 0, 1]), np.array([1.5, 0.5, 1.5, 0, 0, 1]), 3.0, 1e-3, 60.0,
         rng.uniform(0.5, 2.0, n), spread, uniform, True,
     )  # fmt: skip

@@ -51,7 +51,7 @@ def sensor(scene: Scene, k: int, c: Array, out: Array) -> None:
 @njit(cache=True, error_model="numpy")
 def resolved(scene: Scene, k: int, c: Array) -> float:
     """Resolution of sensor state k at c: the cell without angles."""
-    cell = scene.cell
+    cell = scene.cell[k]
     if cell[0] == 0.0:
         return float(cell[4])
     flat2, q1, q2 = 0.0, 0.0, 0.0
