@@ -212,7 +212,9 @@ def labelled(scene: Scene, state: State, intensity: Array, rng: np.random.Genera
     """Intensities (lambda, lambda_c) of a sampled labelling of the detections as clutter."""
     L = int(state.size[0])
     clutter = rng.random(len(state.shot)) * (intensity[1] + state.shot) < intensity[1]
-    return gsncp.intensities(scene, L, state.rho[:L].sum(), clutter.sum())
+    return gsncp.intensities(
+        scene, L, state.rho[:L].sum(), clutter.sum(), gsncp.room(scene, state.c[:L])
+    )
 
 
 def known(params: ChainParams, intensity: Array, D: float) -> Array:

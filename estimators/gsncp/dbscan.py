@@ -29,7 +29,7 @@ from .oracle import fit
 from .output import Labels, objects
 from .params import SceneParams
 from .scene import epochs, grid, scene
-from .sensors import STREAMS, SensorState, noise
+from .sensors import STREAMS, noise
 
 SUMMARY = "extended targets as DBSCAN clusters, the configuration of best posterior"
 PRESETS = Presets(__package__, "dbscan")
@@ -80,16 +80,17 @@ def estimate(
     for time_ns, states in epochs(params, setup, scans, nodes):
         seen = [*seen, states][-params.epochs :]
         flat = [s for epoch in seen for s in epoch]
-        x = best(scene(params, flat, nodes, **births), flat, nodes, params, len(seen))
+        x = best(scene(params, flat, nodes, **births), params, len(seen))
         count = {"cardinality_mean": np.array([len(x)], float), "cardinality_variance": np.zeros(1)}
         names = persistent.of(x[:, :3], max(params.hard_core_radius, 1.0) / 2)
         yield Estimates(setup.meta, objects(time_ns, x, names, params.dimension), count)
 
 
-def best(sight: Scene, states: list[SensorState], nodes: Grid, params: Params, scale: int) -> Array:
+def best(sight: Scene, params: Params, scale: int) -> Array:
     """Centres and extents (L, 9) of the configuration of best posterior, of ``scale`` epochs."""
     z = sight.z.T
-    S = noise(states, nodes, [s.z for s in states])
+    nodes = Grid(sight.origin, sight.spacing, sight.table.shape[1:4])
+    S = noise(sight.table, nodes, np.split(z, sight.offset[1:-1]))
     highest, x = -np.inf, np.zeros((0, 9))
     state = gsncp.empty(sight, params.max_targets)
     for every in configurations(z[:, : params.dimension], params, scale):
@@ -143,7 +144,7 @@ def log_posterior(sight: Scene, state: State, x: Array, label: Array) -> float:
     L = len(x)
     state.size[0], state.c[:L], state.e[:L] = L, x[:, :3], x[:, 3:]
     compiled.refresh(sight, state)
-    clutter = float((label < 0).sum())
-    intensity = gsncp.intensities(sight, L, state.rho[:L].sum(), clutter)
+    clutter, D = float((label < 0).sum()), gsncp.free(sight.lower, sight.upper)[1]
+    intensity = gsncp.intensities(sight, L, state.rho[:L].sum(), clutter, D)
     close = 1e9 if (pdist(x[:, :3]) < sight.radius).any() else 0.0
     return compiled.log_posterior(sight, state, intensity) - close

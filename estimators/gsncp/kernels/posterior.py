@@ -37,6 +37,8 @@ FLOOR = 0.1
 steps that are only proportional would linger at zero."""
 LEAST = 0.1
 """Least mean number of targets, and of false detections a scan, that intensities amount to."""
+NODES = 2000
+"""Nodes, about, that tell how much of D is left for another target."""
 UNIFORMS, NORMALS = 14, 6
 """Random numbers that one move is given."""
 
@@ -184,14 +186,28 @@ def log_posterior(scene: Scene, c: Array, e: Array, intensity: Array) -> float:
     return float(likelihood + len(c) * prior)
 
 
-def intensities(scene: Scene, L: int, rho: float, clutter: float) -> Array:
+def intensities(scene: Scene, L: int, rho: float, clutter: float, volume: float) -> Array:
     """Intensities (lambda, lambda_c) if L targets expect rho detections and ``clutter`` are false.
 
-    The model intensities update of section 4, with a least value that is a number in the region.
+    The model intensities update of section 4, where ``volume`` is all of D. That is a hard-core
+    process' number per volume, less than its lambda where targets leave each other little room:
+    over :func:`room` it is lambda (Besag's pseudo-likelihood). The least are numbers in the region.
     """
     K, M, D = len(scene.offset) - 1, len(scene.weight), free(scene.lower, scene.upper)[1]
-    targets = L * (M - clutter) / (D * rho) if L else 0.0
+    targets = L * (M - clutter) / (max(volume, LEAST * D) * rho) if L else 0.0
     return np.maximum(LEAST / D, [targets, clutter / (max(K, 1) * D)])
+
+
+def room(scene: Scene, c: Array) -> float:
+    """Volume of D that is not within the hard core of a target at c (L, 3)."""
+    open_, D = free(scene.lower, scene.upper)
+    size = np.where(open_, scene.upper - scene.lower, 1.0)
+    side = (D / NODES) ** (1 / open_.sum())
+    shape = np.where(open_, np.maximum(np.ceil(size / side), 1), 1).astype(int)
+    index = np.moveaxis(np.indices(tuple(shape.tolist())), 0, -1).reshape(-1, 3)
+    nodes = np.where(open_, scene.lower + (index + 0.5) * size / shape, scene.lower)
+    gap = np.linalg.norm(nodes[:, None] - c, axis=-1).min(1, initial=np.inf)
+    return D * float((gap >= scene.radius).mean())
 
 
 def refresh(scene: Scene, state: State) -> None:

@@ -219,6 +219,26 @@ def gibbs(scene: Scene, intensity: float, n: int, rng: np.random.Generator) -> n
     return np.array(counts)
 
 
+def test_intensity_is_that_of_the_hard_core_process():
+    scene, rng, intensity = plane(0), np.random.default_rng(3), 0.04
+    area, count, estimate = 12.0 * 8.0, [], []
+    for L in rng.poisson(intensity * area, 6000):
+        c = rng.uniform(scene.lower, scene.upper, (L, 3))
+        if gsncp.feasible(scene, c, np.tile(scene.e_lower, (L, 1))):
+            count.append(L)
+            estimate.append(gsncp.room(scene, c))
+    count, estimate = np.array(count), np.array(estimate)
+    # Georgii, Nguyen, Zessin: the mean number is lambda times the mean volume left for another
+    excess = count - intensity * estimate
+    assert abs(excess.mean()) < 4.5 * excess.std() / np.sqrt(len(excess))
+    one = np.array([[6.0, 4.0, 0.0]])
+    exact = 1 / (area - np.pi * 3.0**2)
+    assert gsncp.intensities(scene, 1, 1.0, -1.0, gsncp.room(scene, one))[0] == pytest.approx(
+        exact, rel=0.01
+    )
+    assert gsncp.intensities(scene, 0, 0.0, 0.0, area) == pytest.approx([0.1 / area] * 2)
+
+
 def deviation(x: np.ndarray, reference: np.ndarray) -> float:
     """Difference of the means of a chain and of independent values, in standard errors."""
     error = x.var() / effective_sample_size(x) + reference.var() / len(reference)
