@@ -21,6 +21,7 @@ from ...models.grids import Grid
 from ...models.parameters import parameter, require
 from ...models.records import Array, Estimates, Recording, Scan
 from ..presets import Presets
+from .chain import put
 from .kernels import posterior as gsncp
 from .kernels.compiled import posterior as compiled
 from .kernels.compiled.neighbours import cells, counts, labels
@@ -92,10 +93,11 @@ def best(sight: Scene, params: Params, scale: int) -> Array:
     nodes = Grid(sight.origin, sight.spacing, sight.table.shape[1:4])
     S = noise(sight.table, nodes, np.split(z, sight.offset[1:-1]))
     highest, x = -np.inf, np.zeros((0, 9))
-    state = gsncp.empty(sight, params.max_targets)
+    places = params.places(len(z))
+    state = gsncp.empty(sight, places)
     for every in configurations(z[:, : params.dimension], params, scale):
         label = within(z, every, params)
-        if label.max(initial=-1) < params.max_targets:
+        if label.max(initial=-1) < places:
             found = targets(z, S, label, params)
             score = log_posterior(sight, state, found, label)
             if score > highest:
@@ -142,7 +144,7 @@ def log_posterior(sight: Scene, state: State, x: Array, label: Array) -> float:
     of a cluster that straddles it, is not.
     """
     L = len(x)
-    state.size[0], state.c[:L], state.e[:L] = L, x[:, :3], x[:, 3:]
+    put(state, x[:, :3], x[:, 3:])
     compiled.refresh(sight, state)
     clutter, D = float((label < 0).sum()), gsncp.free(sight.lower, sight.upper)[1]
     intensity = gsncp.intensities(sight, L, state.rho[:L].sum(), clutter, D)

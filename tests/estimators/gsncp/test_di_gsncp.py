@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from echoset.estimators.gsncp import dbscan, di_gsncp, oracle
-from echoset.estimators.gsncp.chain import put
+from echoset.estimators.gsncp.chain import explore, put
 from echoset.estimators.gsncp.kernels import posterior as gsncp
 from echoset.estimators.gsncp.kernels.compiled import posterior as compiled
 from echoset.estimators.gsncp.output import Labels
@@ -328,3 +329,82 @@ def test_the_oracle_is_exact_without_noise_and_spread():
     found = run(oracle, replace(recording, streams=streams), {}).objects
     np.testing.assert_allclose(found.state[:, :2], recording.truth.objects.state[:, :2], atol=1e-9)
     np.testing.assert_allclose(found.state[:, [2, 4]], 1.0)
+
+
+def test_the_first_epoch_starts_from_clusters_too():
+    recording, hardly = planar("position"), {"burn_in": 500, "max_burn_in": 500, "block": 500}
+    settings = SHORT | {"resolution": 20.0, "explore": 0, "max_explore": 0} | hardly
+    settings |= {"moves": (0.5, 0.5, 0.0, 0.0, 0.0, 0.0)}
+    found = run(di_gsncp, recording, settings)
+    assert distances(found, recording)[0] < 0.6
+    assert len(run(di_gsncp, recording, settings | {"restart": False}).objects.state) == 0
+
+
+def test_an_undecided_number_leaves_a_state_of_the_number_shown():
+    recording = planar("position")
+    layers = {"resolution": 20.0, "block": 20, "explore": 60, "max_explore": 60, "max_targets": 20}
+    params = resolve(di_gsncp.Params, *sensor_model(recording, di_gsncp.Params), ("", layers))
+    (_, scene), *_ = di_gsncp.scenes(recording.setup(), recording.scans(), params)
+    scene.table[..., 0] = 0.0
+    scene, scale, undecided = scene._replace(p_false=1e-290), np.ones(2), 0
+    for seed in range(40):
+        state, rng = gsncp.empty(scene, 20), np.random.default_rng(seed)
+        whole = explore(scene, params, state, np.array([5e-3, 1e-2]), scale, rng)
+        ends = np.unique(whole.count[19::20])
+        undecided += len(ends) > 1
+        assert state.size[0] == max(ends, key=lambda L: (whole.count == L).sum())
+    assert undecided > 10
+
+
+def test_a_target_for_every_few_detections_is_not_cut():
+    x, y = np.meshgrid(np.arange(10, 120, 11.0), np.arange(10, 100, 11.0))
+    c = np.stack([x.ravel(), y.ravel()], 1)[:87]
+    recording = sea(c, 120.0, 0.3, 30.0, 20)
+    settings = SHORT | {"max_targets": 0, "resolution": 30 / 1.25**2, "std_position": 0.3}
+    found = run(di_gsncp, recording, settings)
+    assert np.diff(found.objects.row_offset).tolist() == [87]
+    assert len(run(dbscan, recording, {"resolution": 30 / 1.25**2}).objects.state) == 87
+
+
+def test_a_number_that_is_cut_is_told(caplog):
+    recording = planar("position")
+    found = run(di_gsncp, recording, SHORT | {"resolution": 20.0, "max_targets": 2})
+    assert [r.getMessage() for r in caplog.records] == [
+        "all 2 places were taken: there may be more, see max_targets"
+    ]
+    assert found.steps["cardinality_variance"][0] >= 1
+
+
+def test_the_papers_preset_states_regular_covariances():
+    params = radar_extended.Params(epochs=1)
+    recording = radar_extended.simulate(params, np.random.default_rng(5), "many")
+    found = run(di_gsncp, recording, di_gsncp.PRESETS["paper"]).objects
+    assert len(found.state) > 4
+    for P in found.covariance:
+        scale = np.sqrt(np.diag(P))
+        assert np.linalg.matrix_rank(P / scale / scale[:, None], tol=1e-6) == 9
+
+
+def test_effective_sample_size_is_that_of_what_is_averaged():
+    rng, n, a = np.random.default_rng(1), 40_000, 0.9
+    x = rng.normal(size=(n, 2, 9))
+    x[..., 5] = 0.0
+    for i in range(1, n):
+        x[i, 1, 3] = a * x[i - 1, 1, 3] + x[i, 1, 3]
+    assert di_gsncp.effective(x) == pytest.approx(n * (1 - a) / (1 + a), rel=0.15)
+    x[:, 0, 2] = 1.0
+    assert di_gsncp.effective(x) == 1.0
+    assert di_gsncp.effective(np.zeros((50, 0, 9))) == 50
+
+
+def test_tables_are_counted_before_they_are_made():
+    recording = sea(np.array([[5.0, 5.0]]), 500.0, 1.0, 10.0, 20)
+    params = resolve(di_gsncp.Params, *sensor_model(recording, di_gsncp.Params))
+    nodes = 202**2
+    tracemalloc.start()
+    list(di_gsncp.scenes(recording.setup(), recording.scans(), params))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak > nodes * 7 * 8
+    with pytest.raises(InputError, match=r"1 tables of 202 by 202 by 1 nodes need .* or cell"):
+        run(di_gsncp, recording, {"memory": peak / 1e9})

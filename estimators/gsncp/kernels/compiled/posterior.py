@@ -198,8 +198,8 @@ def put(state: State, l: int, first: Array, last: Array, fresh: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def refresh(scene: Scene, state: State) -> None:
-    """Compute all that follows from size, c and e."""
-    state.eta[:] = 0.0
+    """Compute all that follows from size, c and e; eta is zero beyond size."""
+    state.eta[: state.size[0]] = 0.0
     state.shot[:] = 0.0
     state.first[:], state.last[:] = 0, 0
     for l in range(state.size[0]):
