@@ -342,12 +342,12 @@ def test_the_first_epoch_starts_from_clusters_too():
 
 def test_an_undecided_number_leaves_a_state_of_the_number_shown():
     recording = planar("position")
-    layers = {"resolution": 20.0, "block": 20, "explore": 60, "max_explore": 60, "max_targets": 20}
+    layers = {"resolution": 20.0, "block": 20, "explore": 40, "max_explore": 40, "max_targets": 20}
     params = resolve(di_gsncp.Params, *sensor_model(recording, di_gsncp.Params), ("", layers))
     (_, scene), *_ = di_gsncp.scenes(recording.setup(), recording.scans(), params)
     scene.table[..., 0] = 0.0
     scene, scale, undecided = scene._replace(p_false=1e-290), np.ones(2), 0
-    for seed in range(40):
+    for seed in range(200):
         state, rng = gsncp.empty(scene, 20), np.random.default_rng(seed)
         whole = explore(scene, params, state, np.array([5e-3, 1e-2]), scale, rng)
         ends = np.unique(whole.count[19::20])
