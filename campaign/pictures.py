@@ -15,7 +15,6 @@ from ..models.records import Estimates, Recording, Scores
 from ..report import plots
 from ..report.plots import Inputs
 from . import inputs
-from .outputs import DASH
 
 PHONE = 9.3
 """Width [cm] of plots in a page: that of a phone, on which letters keep their size."""
@@ -32,7 +31,7 @@ def gather(sources: Iterable[str]) -> Inputs:
     estimates: list[tuple[str, Estimates]] = []
     scores: list[Scores] = []
     for source in sources:
-        record = inputs.read(source) if source == DASH else inputs.read_any(source)
+        record = inputs.read_any(source)
         if isinstance(record, Recording):
             recordings.append(record)
         elif isinstance(record, Estimates):

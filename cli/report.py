@@ -13,7 +13,7 @@ _SUFFIXES = {".md": "md", ".csv": "csv", ".tex": "latex", ".html": "html", ".jso
 
 
 @click.command("report")
-@click.argument("scores", nargs=-1, required=True, metavar="SCORES...", type=click.Path())
+@click.argument("scores", nargs=-1, required=True, metavar="SCORES...", type=options.PATH)
 @click.option(
     "--format",
     "form",
@@ -50,7 +50,7 @@ def command(
     from ..report.plots import Inputs
 
     form = form or _SUFFIXES.get(PurePath(output).suffix, "md")
-    target = single(output, form, overwrite)
+    target = single(output, form, overwrite, scores)
     table = Scores.join([read_scores(source) for source in scores])
     names = tuple(name.strip() for name in by.split(",")) if by else ()
     found = Inputs(scores=table, pooled=pooled(table))

@@ -14,7 +14,7 @@ from . import options
 @click.option(
     "--truth",
     multiple=True,
-    type=click.Path(),
+    type=options.PATH,
     metavar="FILE|DIR",
     help="Recording of the estimates, or a folder where it is; any number of times.",
 )
@@ -83,4 +83,4 @@ def command(
     chosen = layers(names, configuration.layers(config, settings))
     asked, alone = bool(metrics), len(estimates) == 1
     tasks = [Task(source, truth, chosen, asked, alone) for source in estimates]
-    run(tasks, execution, None, deps, Table(target, bounds, pool, limits, config))
+    run(tasks, execution, None, deps, Table(target, bounds, pool, limits, config, asked))
