@@ -1,6 +1,6 @@
 """Ranges of an ultra-wideband network: path lengths, free-space amplitudes and range noise.
 
-Positions are (..., 2) and broadcast against each other.
+Positions are (..., 2), or (..., 3) where heights count, and broadcast against each other.
 """
 
 from __future__ import annotations
@@ -32,7 +32,15 @@ def free_space_amplitude(path_length: Any, snr_db: float) -> Any:
 def distance(start: Array, end: Array) -> Array:
     """Length (...) [m] of the direct path between two positions; of the LOS path in eq. (4)."""
     length: Array = np.hypot(start[..., 0] - end[..., 0], start[..., 1] - end[..., 1])
+    if start.shape[-1] == 3:
+        length = np.hypot(length, start[..., 2] - end[..., 2])
     return length
+
+
+def at_height(position: Array, height: Any) -> Array:
+    """Positions (..., 3) of points (..., 2) of the plane that are ``height`` (...) [m] above it."""
+    z = np.broadcast_to(height, position.shape[:-1])
+    return np.concatenate((position, z[..., None]), axis=-1)
 
 
 def scatter_distance(tx: Array, scatterer: Array, rx: Array) -> Array:

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from ...models.parameters import parameter
 from ...models.records import Array
 from . import ranges as eopda
-from .filter import DeviceFilter, Target
+from .device_filter import DeviceFilter
 from .kernels.compiled.link_likelihood import geo
 from .links import Links
+from .state import State, Target
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +31,18 @@ class Params(eopda.Params):
     )
 
 
-def log_likelihood(y: Array, device: Array, anchors: Array, links: Links, params: Params) -> Array:
-    """Log-likelihood (N,) of particles ``y``; see :mod:`.kernels.link_likelihood`."""
+def log_likelihood(
+    state: State, anchors: Array, links: Links, excess: tuple[Array, Array], params: Params
+) -> Array:
+    """Log-likelihood (N,) of particles; see :mod:`.kernels.link_likelihood`."""
+    y = state.y
     return geo(
         y[:2],
-        device,
+        state.device,
         y[-1],
         anchors,
         *links,
+        *excess,
         params.clutter,
         params.los,
         params.mean_scatter,
