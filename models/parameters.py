@@ -49,7 +49,7 @@ def parameter(default: Any, unit: str, doc: str, within: str | tuple[str, ...] =
 
 
 def rule(within: str | tuple[str, ...]) -> str:
-    """What a value has to be, in words: ``positive``, ``in [0, 1)``, ``one of a b``, or nothing."""
+    """The rule for a value, in words: ``positive``, ``in [0, 1)``, ``one of a b``, or nothing."""
     if isinstance(within, tuple):
         return f"one of {' '.join(within)}"
     if not within:
