@@ -21,7 +21,7 @@ from math import log, sqrt
 import numpy as np
 
 from ...models.errors import EstimatorError
-from ...models.motion import constant_velocity
+from ...models.motion import STEP, acceleration_variance, constant_velocity, walk_std
 from ...models.records import Array
 from .kernels.compiled.bias_proposal import propose_bias
 from .links import Links
@@ -29,7 +29,7 @@ from .lost import Doubt, merge, search, surprise
 from .params import Params
 from .resampling import effective_sample_size, log_mean, normalise, systematic
 from .start import SPAN, start
-from .state import STEP, Belief, Event, Height, State, Step, Target, moments, noise_of_motion
+from .state import Belief, Event, Height, State, Step, Target, moments
 from .weighing import excess, weigh_active, weigh_object
 
 GUARD = 4.0
@@ -55,10 +55,10 @@ def predict(
     """Move centre, extent, height and errors over ``dt`` [s]; the offset waits for :func:`turn`."""
     F, G = constant_velocity(dt)
     y = state.y.copy()
-    n, walk = y.shape[1], sqrt(dt / STEP)
-    y[:4] = F @ y[:4] + G @ (sqrt(noise_of_motion(params, dt)) * rng.normal(size=(2, n)))
+    n, acceleration = y.shape[1], sqrt(acceleration_variance(params.acceleration_std, dt))
+    y[:4] = F @ y[:4] + G @ (acceleration * rng.normal(size=(2, n)))
     noise = rng.normal(size=(len(target.extent), n))
-    y[6:-1] = np.abs(y[6:-1] + walk * target.walk(params)[:, None] * noise)
+    y[6:-1] = np.abs(y[6:-1] + walk_std(target.walk(params)[:, None], dt) * noise)
     if not height.is_known:
         y[-1] = height.fold(y[-1] + params.height_walk * sqrt(dt) * rng.normal(size=n))
     covariance = state.covariance
@@ -81,12 +81,15 @@ def turn(
     """
     if not params.has_object:
         return state, 0.0
-    n, walk = state.y.shape[1], sqrt(state.hidden / STEP)
+    n, hidden = state.y.shape[1], state.hidden
     tries = 1
     if not links.empty:
         tries = params.candidates * (WIDE if state.hidden > 5 * STEP else 1)
-    length = np.abs(state.y[4] + walk * params.bias_distance_std * rng.normal(size=(tries, n)))
-    angle = state.y[5] + walk * params.bias_angle_std * rng.normal(size=(tries, n))
+    further, round_ = (
+        walk_std(std, hidden) * rng.normal(size=(tries, n))
+        for std in (params.bias_distance_std, params.bias_angle_std)
+    )
+    length, angle = np.abs(state.y[4] + further), state.y[5] + round_
     floor, pick = GUARD * params.clutter, rng.random(n)
     y = state.y.copy()
     y[4], y[5], correction = propose_bias(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from ...models.parameters import parameter
 from ...models.records import Array
+from ..presets import Presets
 from . import ranges as eopda
 from .device_filter import DeviceFilter
 from .kernels.compiled.link_likelihood import geo
@@ -65,6 +66,7 @@ ACTIVE_PASSIVE = DeviceFilter(
     "extended object with a UWB device, geometry-based scattering, active and passive links",
     Params,
     CIRCLE,
+    PRESETS=Presets(__package__, "eopda-geo"),
 )
 ACTIVE = DeviceFilter(
     "extended object with a UWB device, geometry-based scattering, active links only",

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from ...models.parameters import parameter
 from ...models.records import Array
 from ...models.scatter import unit_square_nodes
+from ..presets import Presets
 from . import ranges as eopda
 from .device_filter import DeviceFilter
 from .kernels.compiled.link_likelihood import ideal
@@ -63,6 +64,7 @@ ACTIVE_PASSIVE = DeviceFilter(
     "extended object with a UWB device, ideal scattering, active and passive links",
     Params,
     ELLIPSE,
+    PRESETS=Presets(__package__, "eopda-ideal"),
 )
 ACTIVE = DeviceFilter(
     "extended object with a UWB device, ideal scattering, active links only",

@@ -33,6 +33,8 @@ SCALE_STD, HEIGHT_STD, BIAS_STD, REST_STD = 0.05, 1.5, 0.3, 0.1
 """Priors [1, m, m, m] of a scale, a height, an offset, and one beside the others."""
 COARSE = (0.3, 3.0, 10.0)
 """Factors of all noise that are tried first."""
+SLOWER = (0.5, 0.2, 0.08, 0.04)
+"""Factors of the walks of offset and extent that are tried."""
 FARTHEST = 3
 """Steps that a walk may be climbed away from what is told."""
 _log = logging.getLogger(__name__)
@@ -75,11 +77,11 @@ class _Search:
         self.best = other
         return True
 
-    def settle(self, name: str, factors: Sequence[float]) -> None:
-        """Multiply ``name`` by whichever factor gains most, if any does."""
-        told = getattr(self.best, name)
+    def settle(self, factors: Sequence[float], *names: str) -> None:
+        """Multiply ``names`` by whichever factor gains most, if any does."""
+        told = self.best
         for factor in factors:
-            self.offer(**{name: told * factor})
+            self.offer(**{name: getattr(told, name) * factor for name in names})
 
     def climb(self, factor: float, *names: str, most: int = 10) -> None:
         """Multiply ``names`` by ``factor``, or divide, as long as it gains; ``most`` times."""
@@ -106,7 +108,7 @@ def learn(
     wanted = LEARNABLE if "all" in params.learn else params.learn
     search = _Search(net, events, target, params, int(rng.integers(2**63)), params)
     if "sigma" in wanted:
-        search.settle("sigma_factor", COARSE)
+        search.settle(COARSE, "sigma_factor")
         _explain(search, wanted)
     for finer in FINER:
         before = search.best
@@ -118,9 +120,9 @@ def learn(
             search.climb(2.0, "mean_clutter")
         if "walks" in wanted:
             if params.has_object:
-                search.climb(2.5, "bias_angle_std", "bias_distance_std")
-                if target.extent and hasattr(params, "axes_std"):
-                    search.climb(2.5, "axes_std", "width_std")
+                search.settle(SLOWER, "bias_angle_std", "bias_distance_std")
+                if target.extent:
+                    search.settle(SLOWER, "axes_std", "width_std")
             search.climb(1.6, "acceleration_std", most=FARTHEST)
         _explain(search, wanted)
         if search.best == before:

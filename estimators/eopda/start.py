@@ -16,11 +16,13 @@ from math import pi
 import numpy as np
 from scipy.special import logsumexp, ndtr
 
+from ...models.motion import STEP
 from ...models.records import Array
+from ...models.uwb import Region
 from .links import Links
 from .modes import Modes, Ranges, modes
 from .params import Params
-from .state import STEP, Belief, Event, State, Target
+from .state import Belief, Event, State, Target
 from .tempering import temper
 from .weighing import weigh_active, weigh_object
 
@@ -32,49 +34,6 @@ WIDER = 2.0
 """Factor of the covariances of modes in the proposal."""
 MARGIN = 1.25
 """Reach of an anchor in units of the largest range."""
-CELLS = 200
-"""Cells a side in which the area of the prior is counted."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Region:
-    """Where the device may be: within ``reach`` [m] of an anchor (J, 2), or in a box."""
-
-    anchors: Array
-    reach: float
-    box: tuple[float, float, float, float] | None
-
-    def limits(self) -> tuple[Array, Array]:
-        """Corners (2,), (2,) of the bounding box."""
-        if self.box is not None:
-            return np.array(self.box[:2]), np.array(self.box[2:])
-        return self.anchors.min(0) - self.reach, self.anchors.max(0) + self.reach
-
-    def contains(self, p: Array) -> Array:
-        """Whether points (2, n) are inside."""
-        low, high = self.limits()
-        inside = (p >= low[:, None]).all(0) & (p <= high[:, None]).all(0)
-        if self.box is None:
-            away = ((p[:, None] - self.anchors.T[:, :, None]) ** 2).sum(0).min(0)
-            inside &= away <= self.reach**2
-        return np.asarray(inside)
-
-    def area(self) -> float:
-        """Area [m^2]."""
-        low, high = self.limits()
-        side = (np.arange(CELLS) + 0.5) / CELLS
-        grid = np.stack(np.meshgrid(side, side)).reshape(2, -1)
-        share = self.contains(low[:, None] + (high - low)[:, None] * grid).mean()
-        return float(share * np.prod(high - low))
-
-    def draw(self, n: int, rng: np.random.Generator) -> Array:
-        """``n`` uniform points (2, n)."""
-        low, high = self.limits()
-        found = np.zeros((2, 0))
-        while found.shape[1] < n:
-            p = low[:, None] + (high - low)[:, None] * rng.random((2, 2 * n))
-            found = np.concatenate((found, p[:, self.contains(p)]), 1)
-        return found[:, :n]
 
 
 def start(

@@ -10,14 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ...models.motion import constant_velocity
+from ...models.motion import constant_velocity, motion_noise
 from ...models.records import Array
 from ...models.uwb import device_position
 from .links import Links, Network
 from .params import Params
 
-STEP = 0.1
-"""Time [s] to which the standard deviations of the random walks refer."""
 _log = logging.getLogger(__name__)
 
 
@@ -169,11 +167,6 @@ def _height(net: Network, params: Params) -> Height:
     return Height(0.0, std, 0.0, np.inf)
 
 
-def noise_of_motion(params: Params, dt: float) -> float:
-    """Variance of the acceleration over a step: velocity gains the same in any number of steps."""
-    return params.acceleration_std**2 * STEP / dt if dt > 0 else 0.0
-
-
 def moments(state: State, dt: float, params: Params) -> tuple[Array, Array]:
     """Mean (4,) and covariance (4, 4) of the device's motion after ``dt`` [s].
 
@@ -182,8 +175,8 @@ def moments(state: State, dt: float, params: Params) -> tuple[Array, Array]:
     x = np.vstack((state.device, state.y[2:4]))
     mean = x @ state.w
     d = x - mean[:, None]
-    F, G = constant_velocity(dt)
-    P = F @ ((state.w * d) @ d.T) @ F.T + noise_of_motion(params, dt) * G @ G.T
+    F, _ = constant_velocity(dt)
+    P = F @ ((state.w * d) @ d.T) @ F.T + motion_noise(params.acceleration_std, dt)
     mean = F @ mean
     most = params.speed_std**2
     if P[2:, 2:].trace() > 2 * most:
