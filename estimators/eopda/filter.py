@@ -38,8 +38,8 @@ PAUSE = 1.0
 """A pause is so long that the motion alone widens the position by this much [m]."""
 WIDE = 3
 """Times as many device positions are tried where the device has been hidden."""
-FEW = 50
-"""Fewer effective particles than this, and a device without object is proposed from its ranges."""
+FEW = 0.01
+"""Share of effective particles below which a device without object is proposed from its ranges."""
 LEAST_ODDS = 0.01
 """A probability of having been lost that is less than this is taken for none."""
 
@@ -228,7 +228,7 @@ def _step(
         log_l, learnt = weigh_active(state, event.anchors, event.active, target, params)
         state, gained = _weighed(learnt, log_l)
         evidence += gained
-        if effective_sample_size(state.w) < FEW and not params.has_object:
+        if effective_sample_size(state.w) < FEW * len(state.w) and not params.has_object:
             before = remembered(old, dt, first, params)
             states, evidence = start([event], target, params, before, rng)
             state, evidence = states[-1], evidence - _rates(event, params)

@@ -309,3 +309,23 @@ def test_what_is_missing_is_named(scene):
 def test_impossible_parameters_are_refused(cls, name, value):
     with pytest.raises(ParameterError, match=name):
         resolve(cls, ("settings", {name: value}))
+
+
+def test_an_offset_that_is_hidden_has_the_law_of_one_that_walks():
+    """Ten steps drawn at once, against ten steps drawn one by one with the length reflected."""
+    n, rng = 40_000, np.random.default_rng(8)
+    y = np.zeros((9, n))
+    y[4], y[5] = 0.15, 1.0
+    params = eopda_geo.Params(max_range=20.0)
+    none = Links(np.zeros(0, int), np.zeros(0, int), np.zeros(1, int), np.zeros(0), np.zeros(0))
+    state = replace(particles(y), hidden=1.0)
+    at_once, gain = turn(state, np.zeros((1, 3)), none, params, rng)
+    length, angle = y[4].copy(), y[5].copy()
+    for _ in range(10):
+        length = np.abs(length + 0.1 * rng.normal(size=n))
+        angle += 0.5 * rng.normal(size=n)
+    assert at_once.hidden == 0 and abs(gain) < 1e-9
+    for a, b in ((at_once.y[4], length), (at_once.y[5], angle)):
+        for power in (1, 2):
+            error = np.sqrt((np.var(a**power) + np.var(b**power)) / n)
+            assert abs((a**power).mean() - (b**power).mean()) < 4.5 * error
