@@ -81,14 +81,15 @@ def _execution(
 
 def output(text: str, default: str | None = None) -> Callable[[F], F]:
     """``-o``; required unless it has a default."""
+    said: dict[str, Any] = {"required": True}
+    if default is not None:
+        said = {"default": default, "show_default": True}
     return click.option(
         "-o",
         "--output",
-        required=default is None,
-        default=default,
-        show_default=default is not None,
         type=click.Path(allow_dash=True),
         help=text,
+        **said,
     )
 
 

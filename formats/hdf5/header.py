@@ -11,7 +11,7 @@ import h5py
 from ...models.errors import FormatError
 from .. import layout
 from .. import tree as trees
-from .reader import ERRORS, HEADER, attribute, checked_size, one_line
+from .reader import ERRORS, HEADER, attribute, checked_size, expect_header, one_line
 
 _LIMIT = 1 << 26
 """Bytes that the tokens or the provenance may have."""
@@ -30,6 +30,7 @@ def header(source: Path, path: object) -> dict[str, Any]:
         checked_size(source, path)
         with h5py.File(source, "r") as file:
             place = "/"
+            expect_header(file.attrs, path)
             wanted = (name for name in (*HEADER, *_OWN) if name in file.attrs)
             found = {name: attribute(file, name) for name in wanted}
             tokens = json.loads(_text(file, "tokens"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import replace
 from heapq import merge
 from itertools import islice
@@ -34,6 +34,14 @@ _FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FL
 ERRORS = (OSError, LookupError, RuntimeError, ValueError, TypeError, OverflowError, zlib.error)
 
 
+def expect_header(names: Container[str], path: object) -> None:
+    """Refuse a file that does not say what ours say at their root."""
+    absent = sorted(name for name in HEADER if name not in names)
+    if absent:
+        reason = f"is HDF5, but no file of echoset: it has no {' '.join(absent)}"
+        raise FormatError(path, "/", reason)
+
+
 class TreeReader:
     """An open file: its leaves by path, its tokens, and verified reading of each."""
 
@@ -50,6 +58,7 @@ class TreeReader:
             self._place = "/"
             self._walk(self.file, "", 0)
             self._place = "/"
+            expect_header(self.leaves, path)
             self.header = {k: self.leaves.pop(k) for k in HEADER}
             self.tokens: dict[str, str] = json.loads(self._value("tokens"))
             del self.leaves["tokens"]

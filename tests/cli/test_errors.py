@@ -242,3 +242,18 @@ def test_traceback_only_where_wanted(run, rec, monkeypatch):
     monkeypatch.setattr(formats, "summary", lambda path: 1 / 0)
     check(run("info", rec), 1, "internal error: ZeroDivisionError")
     assert "Traceback" in run("info", rec, "-vv").err
+
+
+@pytest.mark.parametrize("words", [["--from", "labyrinth"], []])
+def test_an_output_must_be_named(run, rec, tmp_path, words):
+    check(run("convert", *words, rec, tmp_path / "x.h5"), 2, "Missing option '-o'")
+
+
+def test_hdf5_of_others_is_called_so(estimate, run, tmp_path):
+    import h5py
+
+    with h5py.File(tmp_path / "foreign.h5", "w") as file:
+        file["speed"] = [1.0, 2.0]
+    message = "foreign.h5: /: is HDF5, but no file of echoset: it has no Conventions content_digest"
+    estimate(tmp_path / "foreign.h5", words=[message])
+    check(run("info", tmp_path / "foreign.h5"), 4, message)
