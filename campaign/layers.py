@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from ..formats.plain_yaml import parse
 from ..models.errors import ParameterError
 from ..models.parameters import Layer
+from ..models.plain_yaml import parse
 
 _MAX_BYTES = 1 << 20
 

@@ -45,8 +45,7 @@ def gather(sources: Iterable[str]) -> Inputs:
         recordings = list(carried.values())
     known = {observed_digest(r) for r in recordings}
     for label, e in estimates:
-        origin = e.meta.provenance.get("input")
-        if known and isinstance(origin, dict) and origin.get("digest") not in known:
+        if known and e.making.digest and e.making.digest not in known:
             raise InputError(f"{label}: was made from another recording: the digests differ")
     table = concatenate(scores) if scores else None
     return Inputs(

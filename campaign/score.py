@@ -4,19 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from .. import formats
+from ..formats import scores as files
 from ..formats.provenance import versions
+from ..metrics import pooling
+from ..metrics import segments as spans
 from ..metrics.beside import TruthWindow, is_one_object
+from ..metrics.gate import Gate
 from ..metrics.kit.table import concatenate
 from ..metrics.run import GROUP, MetricRun
 from ..models import registry
 from ..models.errors import InputError, ParameterError
 from ..models.parameters import Layer, as_dict, suggestion
 from ..models.records import Estimates, Recording, Scores
-from . import inputs, log, progress, truth
+from . import exits, inputs, log, progress, truth
+from .batch.execution import Execution
+from .batch.task import Whole
+from .outputs import Target
 from .progress import announce_compilation
 
 Layers = dict[str, tuple[Layer, ...]]
@@ -40,6 +47,23 @@ class Task:
     def label(self) -> str:
         """The input as the user named it."""
         return inputs.label(self.source)
+
+    @property
+    def sources(self) -> tuple[str]:
+        """The estimates."""
+        return (self.source,)
+
+    def placed(self, execution: Execution) -> Task:
+        """The task for those who do it."""
+        source, places = execution.place(self.source), execution.places(self.truth)
+        return replace(self, source=source, truth=places)
+
+    def decide(self) -> None:
+        """It is always done."""
+
+    def run(self) -> Scores:
+        """The scores of the estimates."""
+        return score(self)
 
 
 def score(task: Task) -> Scores:
@@ -83,6 +107,41 @@ def score(task: Task) -> Scores:
         m.name: as_dict(m.params) for m, t in zip(running, tables, strict=True) if t is not None
     }
     return replace(concatenate(kept), provenance={"metrics": used, "versions": versions()})
+
+
+@dataclass(frozen=True, slots=True)
+class Table(Whole[Scores]):
+    """All scores in one table, with segments and pooled rows, and whether it passes its gates.
+
+    ``config`` is the file that some of the parameters were read from.
+    """
+
+    target: Target = field()
+    metrics: tuple[str, ...]
+    segments: tuple[tuple[float, float], ...]
+    pool: bool
+    gates: tuple[Gate, ...]
+    config: str | None
+
+    def sources(self, tasks: Sequence[Task]) -> list[str | None]:
+        """Estimates, then the recordings that they were made from, then the parameters."""
+        used = [place for t in tasks if (place := truth.located(t.source, t.truth))]
+        return list(dict.fromkeys([*(t.source for t in tasks), *map(str, used), self.config]))
+
+    def finish(self, results: list[Scores]) -> int:
+        """Write it, and tell which gates it does not pass."""
+        quadratic = {q for name in self.metrics for q in registry.load(GROUP, name).QUADRATIC}
+        table = concatenate(results)
+        if self.segments:
+            table = spans.segments(table, self.segments, quadratic)
+        if self.pool:
+            table = concatenate([table, pooling.pool(table, quadratic)])
+        failures = [line for gate in self.gates for line in gate.failures(table)]
+        with self.target.open() as opened:
+            files.write(table, opened, self.target.format)
+        for line in failures:
+            log.error(f"gate: {line}")
+        return exits.GATE if failures else 0
 
 
 def _measure(

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from .. import formats
 from ..models.errors import FormatError, InputError
-from ..models.records import Estimates
+from ..models.records import Estimates, Making
 
 
 def find(estimates: Estimates, label: str, places: Sequence[str]) -> Path:
@@ -22,22 +21,20 @@ def find(estimates: Estimates, label: str, places: Sequence[str]) -> Path:
     """
     if not places:
         raise InputError(f"{label}: no recording came along: name it, or its folder, by --truth")
-    return _path(label, estimates.meta.name, estimates.meta.provenance, places)
+    return _path(label, estimates.meta.name, estimates.making, places)
 
 
 def located(source: str, places: Sequence[str]) -> Path | None:
     """The file among ``places`` that :func:`find` takes for the estimates in ``source``, if any."""
     found = formats.header(Path(source))
-    return _path(source, found["name"], found["provenance"], places) if places else None
+    return _path(source, found["name"], Making.of(found["provenance"]), places) if places else None
 
 
-def _path(label: str, name: str, provenance: Mapping[str, Any], places: Sequence[str]) -> Path:
-    origin = provenance.get("input")
-    digest = origin.get("digest") if isinstance(origin, dict) else None
-    if not isinstance(digest, str) or not digest:
+def _path(label: str, name: str, making: Making, places: Sequence[str]) -> Path:
+    if not making.digest:
         raise InputError(f"{label}: does not say which recording it was made from")
     for path in _candidates(places, (name, Path(label).stem)):
-        if _digest(path, path in map(Path, places)) == digest:
+        if _digest(path, path in map(Path, places)) == making.digest:
             return path
     where = " ".join(places)
     raise InputError(f"{label}: was made from another recording than {where}: the digests differ")

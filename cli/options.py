@@ -11,8 +11,8 @@ from click.shell_completion import CompletionItem
 from click.types import StringParamType
 
 from ..campaign import log
-from ..campaign.execution import Execution
-from ..campaign.lock import locked
+from ..campaign.batch.execution import Execution
+from ..campaign.batch.lock import locked
 from ..campaign.outputs import Existing
 
 F = TypeVar("F", bound=Callable[..., Any])

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..estimators.points import phd
+from ..estimators.presets import preset
 from ..models.parameters import as_dict, parameter, require, resolve
 from ..models.records import Array, Meta, Recording, Stream, Truth
 from ..models.registry import load
@@ -58,7 +59,7 @@ class Params(scene.Params):
             "regions": {n: list(b) for n, b in zip(self.names(), self.regions, strict=True)},
         }
         layers = (
-            ("preset", phd.PRESETS["surveillance"]),
+            ("preset", preset("phd", "surveillance")),
             ("scenario", said),
             ("filter", self.filter),
         )

@@ -13,10 +13,11 @@ from echoset.campaign.scenarios import find
 from echoset.cli.describe import GROUPS
 from echoset.cli.list import KINDS
 from echoset.cli.main import commands
-from echoset.formats.plain_yaml import dump
+from echoset.estimators.presets import presets
 from echoset.models import registry
 from echoset.models.columns import COLUMNS
-from echoset.models.parameters import REQUIRED
+from echoset.models.parameters import REQUIRED, rule
+from echoset.models.plain_yaml import dump
 
 
 def write(folder: Path) -> None:
@@ -78,15 +79,16 @@ def _parameters(kind: str, name: str, plugin: Any) -> Iterator[str]:
     """A table of parameters, and the presets."""
     layers = find(name).layers if kind == "scenarios" else ()
     own = {key: value for _, layer in layers for key, value in layer.items()}
-    yield "| parameter | default | unit | meaning |"
-    yield "|---|---|---|---|"
+    yield "| parameter | default | unit | legal | meaning |"
+    yield "|---|---|---|---|---|"
     for field in dataclasses.fields(plugin.Params):
         usual = field.default_factory() if callable(field.default_factory) else field.default
         value = own.get(field.name, usual)
         default = "from the recording" if value is REQUIRED else f"`{dump(value)}`"
         unit = field.metadata["unit"] if field.metadata["unit"] != "1" else ""
-        yield f"| `{field.name}` | {default} | {unit} | {field.metadata['doc']} |"
-    for preset, values in getattr(plugin, "PRESETS", {}).items():
+        legal = rule(field.metadata.get("within", ""))
+        yield f"| `{field.name}` | {default} | {unit} | {legal} | {field.metadata['doc']} |"
+    for preset, values in presets(name).items() if kind == "estimators" else ():
         if values:
             yield f"\n`--preset {preset}`:\n"
             yield f"```yaml\n{chr(10).join(f'{k}: {dump(v)}' for k, v in values.items())}\n```"

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.errors import InputError
-from ..models.multibeam import BaseStation, capacity
 from ..models.parameters import parameter, resolve, sensor_model
+from ..models.radar.multibeam import BaseStation, capacity
 from ..models.records import Estimates, Recording, Scores
 from .kit.measured import Measured, Names, scorer
 from .kit.table import rows
@@ -43,7 +43,7 @@ def measure(estimates: Estimates, recording: Recording, params: Params) -> Measu
     if not total:
         raise InputError(f"{recording.meta.name}: capacity: no station with range-angle maps")
     station = resolve(BaseStation, *sensor_model(recording, BaseStation))
-    used = estimates.meta.provenance.get("parameters", {}).get("stations") or total
+    used = estimates.making.parameters.get("stations") or total
     value = capacity(station, used, total, 10 ** (params.snr / 10))
     lists = {"capacity": np.array([value]), "stations": np.array([used])}
     return Measured(estimates.objects.time_ns, {}, 0, lists)

@@ -51,7 +51,7 @@ def measure(estimates: Estimates, recording: Recording, params: Params) -> Measu
     ------
     InputError : no truth, no regions, or regions of which the estimates say nothing
     """
-    own = estimates.meta.provenance.get("parameters", {}).get("regions") or {}
+    own = estimates.making.parameters.get("regions") or {}
     regions = params.regions or own
     if not regions:
         raise InputError(f"{estimates.meta.name}: no regions: give regional.regions.NAME=...")

@@ -15,7 +15,7 @@ import numpy as np
 
 from .columns import ACTIVE, COLUMNS, PASSIVE, REQUIRED, STREAM_KINDS, Column
 from .place import Place
-from .radar_checks import check_detections
+from .radar.checks import check_detections
 from .records import Array, Estimates, Model, Objects, Recording, Sensor, Stream, Truth
 
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")

@@ -59,6 +59,6 @@ class EstimatorError(EchosetError):
 
 
 class UnavailableError(EchosetError):
-    """What must be there to begin or to go on is not: a lock is held, a cluster out of reach."""
+    """A lock is held, or a cluster cannot be reached: the command may be tried again later."""
 
     exit_code = 75

@@ -1,13 +1,15 @@
 """Parameters of scenarios and estimators: declared once, resolved from layers, described as YAML.
 
-A ``Params`` class is a frozen dataclass whose fields are made by :func:`parameter`. Its
-``__post_init__`` checks the values and raises :class:`ParameterError` by :func:`require`.
+A ``Params`` class is a frozen dataclass whose fields are made by :func:`parameter`. What a value
+may be stands with the field and is checked by :func:`resolve`; ``__post_init__`` checks what ties
+fields, and raises :class:`ParameterError` by :func:`require`.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import difflib
+import inspect
 import math
 import types
 import typing
@@ -34,12 +36,59 @@ class _Required:
 REQUIRED: Any = _Required()
 
 
-def parameter(default: Any, unit: str, doc: str) -> Any:
-    """A field of a ``Params`` class with its default, unit and meaning."""
-    metadata = {"unit": unit, "doc": doc}
+def parameter(default: Any, unit: str, doc: str, within: str | tuple[str, ...] = "") -> Any:
+    """A field of a ``Params`` class with its default, unit, meaning and what its value may be.
+
+    ``within`` is an interval such as ``"[0, 1)"`` or ``"(0, inf)"``, of every entry where the value
+    has several, or the words that may be chosen; None, where a field may be it, is always within.
+    """
+    metadata = {"unit": unit, "doc": doc, "within": within}
     if isinstance(default, list | dict):
         return dataclasses.field(default_factory=lambda: default, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
+
+
+def rule(within: str | tuple[str, ...]) -> str:
+    """The rule for a value, in words: ``positive``, ``in [0, 1)``, ``one of a b``, or nothing."""
+    if isinstance(within, tuple):
+        return f"one of {' '.join(within)}"
+    if not within:
+        return ""
+    low, high = within[1:-1].split(", ")
+    if high == "inf":
+        if within[0] == "[":
+            return f"at least {low}"
+        return "positive" if low == "0" else f"more than {low}"
+    return f"in {within}"
+
+
+def is_within(value: Any, within: str | tuple[str, ...]) -> bool:
+    """Whether ``value``, or every entry of it, is what ``within`` says."""
+    if not within or value is None:
+        return True
+    if isinstance(value, tuple | list):
+        return all(is_within(entry, within) for entry in value)
+    if isinstance(within, tuple):
+        return value in within
+    low, high = map(float, within[1:-1].split(", "))
+    above = value > low or (value == low and within[0] == "[")
+    below = value < high or (value == high and within[-1] == "]")
+    return bool(above and below)
+
+
+def groups(cls: type[Any]) -> list[tuple[type[Any], list[dataclasses.Field[Any]]]]:
+    """The fields of ``cls`` by the class that declares them, in their order.
+
+    A class says in ``TITLE`` what its parameters are about, and in ``STREAMS``, if it has one, to
+    which kinds of stream they apply.
+    """
+    owner: dict[str, type[Any]] = {}
+    for base in reversed(cls.__mro__):
+        owner |= dict.fromkeys(inspect.get_annotations(base), base)
+    found: dict[type[Any], list[dataclasses.Field[Any]]] = {}
+    for f in dataclasses.fields(cls):
+        found.setdefault(owner[f.name], []).append(f)
+    return list(found.items())
 
 
 def require(ok: bool, name: str, rule: str, value: object) -> None:
@@ -78,6 +127,10 @@ def resolve(cls: type[P], *layers: Layer) -> P:
                 f"the recording's sensor model has no {f.name!r}: give it by --set {f.name}=..."
             )
     try:
+        for f in dataclasses.fields(cls):  # type: ignore[arg-type]
+            within = f.metadata.get("within", "")
+            if f.name in values:
+                require(is_within(values[f.name], within), f.name, rule(within), values[f.name])
         return cls(**values)
     except ParameterError as error:
         place = sources.get(str(error).partition(" ")[0].partition(".")[0])

@@ -25,7 +25,7 @@ Model = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Meta:
-    """What a record is called and where it comes from.
+    """Name and origin of a record.
 
     ``name`` is the base name of the recording: it keys random streams and fills the column
     ``recording`` of scores. ``provenance`` is plain JSON: generator, parameters, seed, versions.
@@ -205,7 +205,7 @@ class Objects:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """What really happened, for scoring: the objects, and the UWB links that were blocked.
+    """The truth, for scoring: the objects, and the UWB links that were blocked.
 
     ``blocked_time_ns``, ``blocked_tx``, ``blocked_rx`` (b,): active link events that delivered
     nothing because something stood in the way.
@@ -247,24 +247,54 @@ class Recording:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Making:
+    """How estimates were made: by which estimator and parameters, from which recording.
+
+    ``digest`` is that of what can be seen of the recording. All is empty where nothing is said.
+    """
+
+    estimator: str
+    parameters: Mapping[str, Any]
+    digest: str
+
+    @staticmethod
+    def of(provenance: Any) -> Making:
+        """What ``provenance`` says of it; what has another type than it should says nothing."""
+        provenance = provenance if isinstance(provenance, Mapping) else {}
+        estimator, parameters = provenance.get("estimator"), provenance.get("parameters")
+        origin = provenance.get("input")
+        digest = origin.get("digest") if isinstance(origin, Mapping) else None
+        return Making(
+            estimator if isinstance(estimator, str) else "",
+            parameters if isinstance(parameters, Mapping) else {},
+            digest if isinstance(digest, str) else "",
+        )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimates:
-    """What an estimator made of a recording, step by step.
+    """The estimates of a recording, step by step.
 
     ``steps`` holds one value or array per time of ``objects``: ``cardinality_mean``,
     ``cardinality_variance`` and the estimator's diagnostics, (n, ...). ``recording`` is the
-    recording itself where it travels along (through a pipe).
+    recording itself where it travels along (through a pipe). ``making`` is what of the provenance
+    anything depends on.
     """
 
     meta: Meta
     objects: Objects
     steps: Mapping[str, Array]
     recording: Recording | None = None
+    making: Making = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "making", Making.of(self.meta.provenance))
 
     @property
     def estimator(self) -> str:
         """Name of the estimator."""
-        return str(self.meta.provenance["estimator"])
+        return self.making.estimator
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..models import extent, ofdm
+from ..models import extent
 from ..models.grids import Grid
 from ..models.parameters import parameter, require
 from ..models.point_process import matern_ii
+from ..models.radar import ofdm
 from ..models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
 
 SUMMARY = "two moving OFDM radars and closely spaced extended targets, in three dimensions"
@@ -28,20 +29,31 @@ UPPER = np.triu_indices(3)
 class Params:
     """Scene, sensors, waveform and tables."""
 
-    epochs: int = parameter(6, "1", "number of epochs, in each of which every sensor scans once")
-    epoch: float = parameter(0.4, "s", "length of an epoch; its scans bear the time of its end")
+    epochs: int = parameter(
+        6, "1", "number of epochs, in each of which every sensor scans once", within="[1, inf)"
+    )
+    epoch: float = parameter(
+        0.4, "s", "length of an epoch; its scans bear the time of its end", within="(0, inf)"
+    )
     region: tuple[float, ...] = parameter(
         (0.0, 50.0, 0.0, 20.0, 0.0, 10.0), "m", "x_min x_max y_min y_max z_min z_max"
     )
-    hard_core_radius: float = parameter(6.0, "m", "no two centres are within it")
-    mean_targets: float = parameter(9.6, "1", "mean number of targets; none at all is drawn again")
+    hard_core_radius: float = parameter(6.0, "m", "no two centres are within it", within="[0, inf)")
+    mean_targets: float = parameter(
+        9.6, "1", "mean number of targets; none at all is drawn again", within="(0, inf)"
+    )
     extent_diagonal: tuple[float, float] = parameter(
-        (1.0, 1.5), "m", "range of the diagonal elements of the extent's triangular matrix"
+        (1.0, 1.5),
+        "m",
+        "range of the diagonal elements of the extent's triangular matrix",
+        within="(0, inf)",
     )
     extent_off_diagonal: tuple[float, float] = parameter(
         (-0.5, 0.5), "m", "range of the elements below the diagonal"
     )
-    clutter_rate: float = parameter(35.0, "1", "mean number of false detections per scan")
+    clutter_rate: float = parameter(
+        35.0, "1", "mean number of false detections per scan", within="[0, inf)"
+    )
     starts: tuple[tuple[float, float, float], ...] = parameter(
         ((0.0, -4.0, 5.0), (50.0, 24.0, 5.0)), "m", "positions of the sensors in the first epoch"
     )
@@ -51,42 +63,38 @@ class Params:
     focus: tuple[float, float, float] = parameter(
         (25.0, 35.0, 5.0), "m", "point at which the directed precoders aim"
     )
-    directed: int = parameter(2, "1", "precoders, of two slots each, aimed at the focus")
-    others: int = parameter(8, "1", "precoders of a random vector orthogonal to them")
-    carrier: float = parameter(30e9, "Hz", "carrier frequency")
-    spacing: float = parameter(125e3, "Hz", "subcarrier spacing")
+    directed: int = parameter(
+        2, "1", "precoders, of two slots each, aimed at the focus", within="[0, inf)"
+    )
+    others: int = parameter(
+        8, "1", "precoders of a random vector orthogonal to them", within="[0, inf)"
+    )
+    carrier: float = parameter(30e9, "Hz", "carrier frequency", within="(0, inf)")
+    spacing: float = parameter(125e3, "Hz", "subcarrier spacing", within="(0, inf)")
     subcarriers: int = parameter(1000, "1", "number of subcarriers")
-    side: int = parameter(24, "1", "array elements along each of its axes")
-    rcs: float = parameter(50.0, "m2", "radar cross section")
+    side: int = parameter(24, "1", "array elements along each of its axes", within="[2, inf)")
+    rcs: float = parameter(50.0, "m2", "radar cross section", within="(0, inf)")
     transmit_density: float = parameter(-70.0, "dBm Hz-1", "transmitted power density")
     noise_density: float = parameter(-140.0, "dBm Hz-1", "noise power density")
-    p_false: float = parameter(1e-3, "1", "probability of a false alarm per cell")
+    p_false: float = parameter(1e-3, "1", "probability of a false alarm per cell", within="(0, 1)")
     azimuth_factor: float = parameter(5.0, "1", "gain of the azimuth resolution")
     elevation_factor: float = parameter(4.0, "1", "gain of the elevation resolution")
     max_resolution: float = parameter(50.0, "m-3", "most points resolved per volume")
-    cell: float = parameter(2.5, "m", "cell of the tables")
+    cell: float = parameter(2.5, "m", "cell of the tables", within="(0, inf)")
     outside_variance: float = parameter(20.0, "m2", "variance stated beyond the tables")
 
     def __post_init__(self) -> None:
-        require(self.epochs >= 1, "epochs", "at least 1", self.epochs)
-        for name in ("epoch", "mean_targets", "cell", "carrier", "spacing", "rcs"):
-            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
-        for name in ("clutter_rate", "hard_core_radius"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
         r = self.region
         ok = len(r) == 6 and all(a < b for a, b in zip(r[::2], r[1::2], strict=True))
         require(ok, "region", "three increasing pairs", r)
         for name in ("extent_diagonal", "extent_off_diagonal"):
             low, high = getattr(self, name)
             require(low <= high, name, "increasing", (low, high))
-        require(self.extent_diagonal[0] > 0, "extent_diagonal", "positive", self.extent_diagonal)
         same = len(self.starts) == len(self.velocities) >= 1
         require(same, "velocities", "as many as starts, at least one", self.velocities)
         require(self.directed + self.others >= 1, "directed", "1 with others", self.directed)
         even = self.subcarriers >= 2 and self.subcarriers % 2 == 0
         require(even, "subcarriers", "even, at least 2", self.subcarriers)
-        require(self.side >= 2, "side", "at least 2", self.side)
-        require(0 < self.p_false < 1, "p_false", "in (0, 1)", self.p_false)
 
     @property
     def box(self) -> tuple[Array, Array]:

@@ -8,26 +8,25 @@ estimate and ``oracle`` the detection that is nearest to each vessel, where one 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
-from echoset.estimators.points import mbm, phd
+from echoset.estimators.presets import presets
+from echoset.estimators.run import Estimation
 from echoset.formats.importers import autoferry
 from echoset.formats.steps import concatenate
 from echoset.metrics.gospa import Params, gospa
 from echoset.metrics.kit.assignment import assign
 from echoset.metrics.kit.series import mean_stderr
 from echoset.metrics.kit.sets import Sets, members, sets
-from echoset.models.parameters import resolve
 from echoset.models.records import Array, Estimates, Meta, Objects, Recording
 
 ROOT = Path(os.environ.get("ECHOSET_DATA", Path(__file__).parents[3] / "shared" / "data"))
 SCENARIOS = (2, 3, 13, 17)
 SENSORS = {"radar": ("radar",), "radar + lidar": ("radar", "lidar")}
-FILTERS: Mapping[str, ModuleType] = {"phd": phd, "mbm": mbm}
+FILTERS = ("phd", "mbm")
 SPAN = Params(order=2.0, cutoff=20.0)
 BLOCK = 12
 """Scans in a block of the bootstrap: 20 s."""
@@ -77,11 +76,12 @@ def oracle(recording: Recording) -> Objects:
     return objects(radar.time_ns[true.steps], offset, np.concatenate(chosen))
 
 
-def filtered(module: ModuleType, recording: Recording) -> Objects:
+def filtered(name: str, recording: Recording) -> Objects:
     """What a filter makes of all streams, at the scans of the radar."""
-    params = resolve(module.Params, ("preset", module.PRESETS["autoferry"]))
-    steps = module.estimate(recording.setup(), recording.scans(), params, np.random.default_rng(0))
-    found = concatenate(list(steps)).objects
+    layer = ("preset", presets(name)["autoferry"])
+    asked = Estimation(name, (layer,), use_sensor_model=False)
+    run = asked.on(recording.setup(), recording.meta.name)
+    found = concatenate(list(run.steps(recording.scans()))).objects
     at = np.flatnonzero(np.isin(found.time_ns, recording.streams["radar"].time_ns))
     rows, count = members(found.row_offset, at)
     offset = np.concatenate(([0], np.cumsum(count)))
@@ -131,7 +131,7 @@ def lines(scenario: int) -> list[str]:
     for sensors, names in SENSORS.items():
         only = autoferry.Params(sensors=names)
         recording = autoferry.read([ROOT / "autoferry" / f"scenario{scenario}"], only)
-        rows = {name: filtered(module, recording) for name, module in FILTERS.items()}
+        rows = {name: filtered(name, recording) for name in FILTERS}
         if sensors == "radar":
             rows = {"empty": empty(recording), "oracle": oracle(recording), **rows}
         for name, out in rows.items():

@@ -27,8 +27,8 @@ from echoset.estimators.gsncp.chain import sample
 from echoset.formats.steps import concatenate
 from echoset.metrics.ospa_gw import Params as Metric
 from echoset.metrics.ospa_gw import score
-from echoset.models import ofdm
 from echoset.models.parameters import resolve, sensor_model
+from echoset.models.radar import ofdm
 from echoset.models.random import generator
 from echoset.models.records import Estimates, Meta, Recording
 from echoset.simulate import radar_extended

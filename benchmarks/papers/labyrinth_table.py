@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from echoset.models.parameters import resolve
-from echoset.models.random import generator
+import echoset
 from echoset.models.registry import load
 
 ROOT = Path(os.environ.get("ECHOSET_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -31,17 +30,11 @@ def rmse(settings: Mapping[str, Any]) -> tuple[float, float]:
     """RMSE [m] of ``a-eopda-geo`` over all but the first ranges, and its standard error."""
     importer = load("echoset.importers", "labyrinth")
     recording = importer.read([DATA], importer.Params())
-    estimator = load("echoset.estimators", "a-eopda-geo")
-    fields = estimator.Params.__dataclass_fields__
-    model = {k: v for k, v in recording.streams["uwb"].model.items() if k in fields}
-    params = resolve(estimator.Params, ("model", model), ("settings", settings))
     o = recording.truth.objects
     square = []
     for seed in range(1, SEEDS + 1):
-        rng = generator(seed, "estimate:a-eopda-geo", recording.meta.name)
-        out = list(estimator.estimate(recording.setup(), recording.scans(), params, rng))
-        m = np.concatenate([e.objects.columns("device_x", "device_y") for e in out])
-        t = np.array([e.objects.time_ns[0] for e in out])
+        found = echoset.estimate(recording, "a-eopda-geo", seed, **settings).objects
+        m, t = found.columns("device_x", "device_y"), found.time_ns
         truth = [np.interp(t, o.time_ns, x) for x in o.columns("device_x", "device_y").T]
         square.append(((m - np.stack(truth, 1)) ** 2).sum(1)[FIRST:])
     blocks = np.array_split(np.mean(square, axis=0), BLOCKS)

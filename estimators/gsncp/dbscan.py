@@ -1,15 +1,15 @@
 """Clusters of nearby detections as extended targets: the baseline of low complexity.
 
 DBSCAN runs over a grid of neighbourhoods and least numbers of neighbours; of the configurations
-the one with the best log posterior of :mod:`.kernels.gsncp` wins. The position of a cluster is the
-mean of its detections, weighted by the inverse of the sensor's covariance plus that of a mean
+the one with the best log posterior of :mod:`.kernels.posterior` wins. The position of a cluster is
+the mean of its detections, weighted by the inverse of the sensor's covariance plus that of a mean
 extent; its extent is their scatter less the sensor's covariance, in the box of the prior. Ester et
 al., A density-based algorithm for discovering clusters, KDD 1996.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ from ...models import extent
 from ...models.parameters import parameter, require
 from ...models.records import Array, Estimates, Recording, Scan
 from ..kernels.clusters import clusters
+from ..presets import Presets
 from .kernels import posterior as gsncp
 from .kernels.compiled import posterior as compiled
 from .kernels.posterior import Scene, State
@@ -30,7 +31,7 @@ from .scene import epochs, grid, scene
 from .sensors import STREAMS, noise
 
 SUMMARY = "extended targets as DBSCAN clusters, the configuration of best posterior"
-PRESETS: Mapping[str, Mapping[str, Any]] = {"default": {}}
+PRESETS = Presets(__package__, "dbscan")
 __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "clusters", "estimate"]
 
 
@@ -38,19 +39,25 @@ __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "clusters", "estimate"]
 class Params(SceneParams):
     """The configurations that are tried."""
 
+    TITLE = "clusters"
+
     radii: tuple[float, ...] = parameter(
-        (0.5, 1.0, 1.5, 2.0, 2.5, 3.0), "m", "neighbourhoods (eps)"
+        (0.5, 1.0, 1.5, 2.0, 2.5, 3.0), "m", "neighbourhoods (eps)", within="(0, inf)"
     )
     neighbours: tuple[int, ...] = parameter(
-        (1, 2, 3, 4, 5, 6, 7), "1", "least neighbours per epoch (min_samples), itself included"
+        (1, 2, 3, 4, 5, 6, 7),
+        "1",
+        "least neighbours per epoch (min_samples), itself included",
+        within="[1, inf)",
     )
-    epochs: int = parameter(0, "1", "epochs processed together, 0 for all so far")
+    epochs: int = parameter(
+        0, "1", "epochs processed together, 0 for all so far", within="[0, inf)"
+    )
 
     def __post_init__(self) -> None:
         SceneParams.__post_init__(self)
-        require(min(self.radii, default=0) > 0, "radii", "positive", self.radii)
-        require(min(self.neighbours, default=0) > 0, "neighbours", "positive", self.neighbours)
-        require(self.epochs >= 0, "epochs", "at least 0", self.epochs)
+        require(len(self.radii) > 0, "radii", "one at least", self.radii)
+        require(len(self.neighbours) > 0, "neighbours", "one at least", self.neighbours)
 
 
 def estimate(

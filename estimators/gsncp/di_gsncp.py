@@ -1,8 +1,8 @@
 """DI-GSNCP: extended targets from the detections of many scans of many sensors, by a jump chain.
 
 Every epoch (all scans of one time) processes the detections of the epochs so far and starts from
-the estimate of the epoch before. The posterior stands in :mod:`.kernels.gsncp`, its moves in
-:mod:`.kernels.gsncp_moves`, the chain in :mod:`.gsncp_chain`. The preset ``paper`` has the paper's
+the estimate of the epoch before. The posterior stands in :mod:`.kernels.posterior`, its moves in
+:mod:`.kernels.moves`, the chain in :mod:`.chain`. The preset ``paper`` has the paper's
 moves: steps of position and extent, and births and deaths by their total rates; but a patience of
 10,000 moves, since most of those births fall beside targets that are known already. The default has
 births near unexplained detections, relocations, steps that follow from the detections expected, and
@@ -16,14 +16,15 @@ process and jump Markov chain Monte Carlo sampling, sections 3 and 4.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ...models.parameters import parameter, require
+from ...models.parameters import parameter
 from ...models.records import Array, Estimates, Recording, Scan
+from ..presets import Presets
 from .chain import Result, sample
 from .kernels.chains import effective_sample_size
 from .kernels.posterior import Scene, feasible
@@ -33,24 +34,7 @@ from .scene import epochs, grid, scene
 from .sensors import STREAMS, SensorState
 
 SUMMARY = "extended targets from multi-sensor multi-scan detections by jump MCMC (DI-GSNCP)"
-PRESETS: Mapping[str, Mapping[str, Any]] = {
-    "default": {},
-    "paper": {
-        "moves": (0.24, 0.56, 0.0, 0.0, 0.0, 0.2),
-        "informed": False,
-        "block": 500,
-        "smoothing": 1,
-        "restart": False,
-        "burn_in": 0,
-        "max_burn_in": 60_000,
-        "patience": 10_000,
-        "uniform": 0.3,
-        "explore": 0,
-        "max_explore": 0,
-        "samples": 100,
-        "thin": 1,
-    },
-}
+PRESETS = Presets(__package__, "di-gsncp")
 TRACE = 100
 """Points of a trace that the diagnostics keep."""
 __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate", "scenes"]
@@ -60,12 +44,12 @@ __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate", "scenes"]
 class Params(ChainParams):
     """Prior and sensors, moves, and what is processed and kept."""
 
-    epochs: int = parameter(0, "1", "epochs processed together, 0 for all so far")
-    keep: bool = parameter(False, "1", "keep the samples, as values per step")
+    TITLE = "what is processed and kept"
 
-    def __post_init__(self) -> None:
-        ChainParams.__post_init__(self)
-        require(self.epochs >= 0, "epochs", "at least 0", self.epochs)
+    epochs: int = parameter(
+        0, "1", "epochs processed together, 0 for all so far", within="[0, inf)"
+    )
+    keep: bool = parameter(False, "1", "keep the samples, as values per step")
 
 
 def estimate(

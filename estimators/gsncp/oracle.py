@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ...models import extent
 from ...models.errors import InputError
-from ...models.parameters import parameter, require
+from ...models.parameters import parameter
 from ...models.records import Array, Estimates, Recording, Scan
+from ..presets import Presets
 from .output import columns, objects
 from .params import SceneParams
 from .scene import epochs, grid
@@ -26,7 +26,7 @@ from .sensors import STREAMS, noise
 SUMMARY = "lower bound: means and scatters under the true association (uses the truth)"
 USES_TRUTH = True
 """``setup`` is the whole recording, with truth and origins."""
-PRESETS: Mapping[str, Mapping[str, Any]] = {"default": {}}
+PRESETS = Presets(__package__, "oracle")
 __all__ = ["PRESETS", "STREAMS", "SUMMARY", "USES_TRUTH", "Params", "estimate"]
 
 
@@ -34,11 +34,11 @@ __all__ = ["PRESETS", "STREAMS", "SUMMARY", "USES_TRUTH", "Params", "estimate"]
 class Params(SceneParams):
     """The prior box of the extents, the region, and how many epochs are processed together."""
 
-    epochs: int = parameter(0, "1", "epochs processed together, 0 for all so far")
+    TITLE = "what is processed"
 
-    def __post_init__(self) -> None:
-        SceneParams.__post_init__(self)
-        require(self.epochs >= 0, "epochs", "at least 0", self.epochs)
+    epochs: int = parameter(
+        0, "1", "epochs processed together, 0 for all so far", within="[0, inf)"
+    )
 
 
 def estimate(

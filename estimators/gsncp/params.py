@@ -12,34 +12,24 @@ from .kernels.posterior import KINDS, MAX_GATE
 
 
 @dataclass(frozen=True, slots=True)
-class SceneParams:
-    """Prior of the targets and what is assumed about the sensors."""
+class TargetParams:
+    """Prior of the targets."""
+
+    TITLE = "targets"
 
     clutter_region: tuple[float, ...] = parameter(
         (), "m", "x_min x_max y_min y_max [z_min z_max]: where targets and clutter are"
     )
-    hard_core_radius: float = parameter(6.0, "m", "no two centres are nearer")
+    hard_core_radius: float = parameter(6.0, "m", "no two centres are nearer", within="[0, inf)")
     extent_diagonal: tuple[float, float] = parameter(
-        (1.0, 1.5), "m", "range of the diagonal elements of the extent's triangular matrix"
+        (1.0, 1.5),
+        "m",
+        "range of the diagonal elements of the extent's triangular matrix",
+        within="(0, inf)",
     )
     extent_off_diagonal: tuple[float, float] = parameter(
         (-0.5, 0.5), "m", "range of the elements below the diagonal"
     )
-    p_detect: float | None = parameter(None, "1", "detection probability, where no table is")
-    p_false: float = parameter(1e-3, "1", "least detection probability; that beyond the tables")
-    outside_variance: float = parameter(20.0, "m2", "variance of errors beyond the tables")
-    resolution: float = parameter(
-        0.0, "m-2 or m-3", "resolved points per volume of a target, where the radar's is not known"
-    )
-    std_position: float = parameter(0.0, "m", "noise of positions, where the rows state none")
-    std_range: float = parameter(0.0, "m", "noise of ranges, where the rows state none")
-    std_azimuth: float = parameter(0.0, "rad", "noise of azimuths, where the rows state none")
-    std_elevation: float = parameter(0.0, "rad", "noise of elevations")
-    max_range: float = parameter(0.0, "m", "end of the view where scans state none; 0: nowhere")
-    cell: float = parameter(2.5, "m", "cell of tables that are made here")
-    gate: float = parameter(50.0, "1", "squared Mahalanobis distance beyond which eta is zero")
-    memory: float = parameter(4.0, "GB", "refuse more detections than it holds")
-    max_targets: int = parameter(64, "1", "most targets at a time")
 
     def __post_init__(self) -> None:
         r = self.clutter_region
@@ -49,17 +39,6 @@ class SceneParams:
         for name in ("extent_diagonal", "extent_off_diagonal"):
             low, high = getattr(self, name)
             require(low <= high, name, "increasing", (low, high))
-        require(self.extent_diagonal[0] > 0, "extent_diagonal", "positive", self.extent_diagonal)
-        for name in ("hard_core_radius", "resolution", "std_position", "std_range", "std_azimuth",
-                     "std_elevation", "max_range"):  # fmt: skip
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        require(0 < self.gate <= MAX_GATE, "gate", f"in (0, {MAX_GATE:g}]", self.gate)
-        for name in ("cell", "memory", "outside_variance"):
-            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
-        p = self.p_detect
-        require(p is None or 0 <= p <= 1, "p_detect", "in [0, 1]", p)
-        require(0 < self.p_false < 1, "p_false", "in (0, 1)", self.p_false)
-        require(self.max_targets >= 1, "max_targets", "at least 1", self.max_targets)
 
     @property
     def dimension(self) -> int:
@@ -84,61 +63,122 @@ class SceneParams:
 
 
 @dataclass(frozen=True, slots=True)
+class SceneParams(TargetParams):
+    """Prior of the targets and what is assumed about the sensors."""
+
+    TITLE = "sensors"
+    STREAMS = ("position", "range_bearing")
+
+    p_detect: float | None = parameter(
+        None, "1", "detection probability, where no table is", within="[0, 1]"
+    )
+    p_false: float = parameter(
+        1e-3, "1", "least detection probability; that beyond the tables", within="(0, 1)"
+    )
+    outside_variance: float = parameter(
+        20.0, "m2", "variance of errors beyond the tables", within="(0, inf)"
+    )
+    resolution: float = parameter(
+        0.0,
+        "m-2 or m-3",
+        "resolved points per volume of a target, where the radar's is not known",
+        within="[0, inf)",
+    )
+    std_position: float = parameter(
+        0.0, "m", "noise of positions, where the rows state none", within="[0, inf)"
+    )
+    std_range: float = parameter(
+        0.0, "m", "noise of ranges, where the rows state none", within="[0, inf)"
+    )
+    std_azimuth: float = parameter(
+        0.0, "rad", "noise of azimuths, where the rows state none", within="[0, inf)"
+    )
+    std_elevation: float = parameter(0.0, "rad", "noise of elevations", within="[0, inf)")
+    max_range: float = parameter(
+        0.0, "m", "end of the view where scans state none; 0: nowhere", within="[0, inf)"
+    )
+    cell: float = parameter(2.5, "m", "cell of tables that are made here", within="(0, inf)")
+    gate: float = parameter(
+        50.0,
+        "1",
+        "squared Mahalanobis distance beyond which eta is zero",
+        within=f"(0, {MAX_GATE:g}]",
+    )
+    memory: float = parameter(4.0, "GB", "refuse more detections than it holds", within="(0, inf)")
+    max_targets: int = parameter(64, "1", "most targets at a time", within="[1, inf)")
+
+
+@dataclass(frozen=True, slots=True)
 class ChainParams(SceneParams):
     """Moves, their lengths and numbers."""
+
+    TITLE = "jump chain"
 
     moves: tuple[float, ...] = parameter(
         (0.3, 0.4, 0.1, 0.1, 0.1, 0.0),
         "1",
         "weights of the moves: position, extent, birth, death, relocation, and the paper's jump",
+        within="[0, inf)",
     )
     informed: bool = parameter(
         True, "1", "steps that shrink with the detections expected; else the paper's"
     )
-    acceptance: float = parameter(0.35, "1", "acceptance of steps that burn-in adapts to")
-    spread: float = parameter(1.0, "m", "spread of births about unexplained detections")
-    uniform: float = parameter(0.05, "1", "share of births anywhere")
-    table_points: int = parameter(100, "1", "mean number of detections in the paper's birth table")
-    table_extents: int = parameter(20, "1", "extents that estimate its birth rates")
-    table_radius: float = parameter(0.2, "m", "radius of its balls")
+    acceptance: float = parameter(
+        0.35, "1", "acceptance of steps that burn-in adapts to", within="(0, 1)"
+    )
+    spread: float = parameter(
+        1.0, "m", "spread of births about unexplained detections", within="(0, inf)"
+    )
+    uniform: float = parameter(0.05, "1", "share of births anywhere", within="(0, 1]")
+    table_points: int = parameter(
+        100, "1", "mean number of detections in the paper's birth table", within="[1, inf)"
+    )
+    table_extents: int = parameter(
+        20, "1", "extents that estimate its birth rates", within="[1, inf)"
+    )
+    table_radius: float = parameter(0.2, "m", "radius of its balls", within="(0, inf)")
     intensity: float | None = parameter(
-        None, "m-2 or m-3", "intensity of targets where it is known, else estimated"
+        None,
+        "m-2 or m-3",
+        "intensity of targets where it is known, else estimated",
+        within="(0, inf)",
     )
     clutter_rate: float | None = parameter(
-        None, "1", "false detections per scan where they are known, else estimated"
+        None,
+        "1",
+        "false detections per scan where they are known, else estimated",
+        within="(0, inf)",
     )
-    smoothing: int = parameter(10, "1", "blocks over which estimated intensities are averaged")
-    block: int = parameter(500, "1", "moves between updates of steps and intensities")
-    burn_in: int = parameter(15_000, "1", "least number of moves of the burn-in")
+    smoothing: int = parameter(
+        10, "1", "blocks over which estimated intensities are averaged", within="[1, inf)"
+    )
+    block: int = parameter(
+        500, "1", "moves between updates of steps and intensities", within="[1, inf)"
+    )
+    burn_in: int = parameter(15_000, "1", "least number of moves of the burn-in", within="[0, inf)")
     restart: bool = parameter(
         True, "1", "a second burn-in, from no targets at all; the better goes on"
     )
-    max_burn_in: int = parameter(40_000, "1", "largest number of moves of the burn-in")
-    patience: int = parameter(5000, "1", "moves without a better posterior that end the burn-in")
-    explore: int = parameter(30_000, "1", "moves, with births and deaths, that count the targets")
+    max_burn_in: int = parameter(
+        40_000, "1", "largest number of moves of the burn-in", within="[1, inf)"
+    )
+    patience: int = parameter(
+        5000, "1", "moves without a better posterior that end the burn-in", within="[1, inf)"
+    )
+    explore: int = parameter(
+        30_000, "1", "moves, with births and deaths, that count the targets", within="[0, inf)"
+    )
     max_explore: int = parameter(
         120_000, "1", "the same while the number of targets changes within so many moves"
     )
-    samples: int = parameter(100, "1", "samples")
-    thin: int = parameter(300, "1", "moves from one sample to the next")
+    samples: int = parameter(100, "1", "samples", within="[1, inf)")
+    thin: int = parameter(300, "1", "moves from one sample to the next", within="[1, inf)")
 
     def __post_init__(self) -> None:
         SceneParams.__post_init__(self)
         m = self.moves
-        ok = len(m) == len(KINDS) and min(m) >= 0 and m[0] + m[1] > 0 and m[2] == m[3]
+        ok = len(m) == len(KINDS) and m[0] + m[1] > 0 and m[2] == m[3]
         require(ok, "moves", "six weights, some of steps, births as often as deaths", m)
-        require(0 < self.acceptance < 1, "acceptance", "in (0, 1)", self.acceptance)
-        require(0 < self.uniform <= 1, "uniform", "in (0, 1]", self.uniform)
-        for name in ("spread", "table_radius"):
-            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
-        counts = ("table_points", "table_extents", "smoothing", "block", "max_burn_in", "patience")
-        for name in (*counts, "samples", "thin"):
-            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
-        for name in ("burn_in", "explore"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
         for name in ("burn_in", "explore"):
             most = getattr(self, f"max_{name}")
             require(most >= getattr(self, name), f"max_{name}", f"at least {name}", most)
-        for name in ("intensity", "clutter_rate"):
-            value = getattr(self, name)
-            require(value is None or value > 0, name, "positive", value)

@@ -3,7 +3,7 @@
 A sensor is known by its detection probability and its error covariance as functions of position:
 tables that the recording states for every scan (``p_detect_table``, ``cov_xx_table``, ... on the
 nodes ``grid_origin + i grid_spacing``), or else what the parameters or the rows say, tabulated
-here. Problems in the plane are laid into space, see :mod:`.kernels.gsncp`.
+here. Problems in the plane are laid into space, see :mod:`.kernels.posterior`.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from math import inf, pi
 
 import numpy as np
 
-from ...models.detection import View, polar
 from ...models.errors import InputError
 from ...models.grids import Grid
-from ...models.ofdm import MOUNTING
 from ...models.poses import pose_at
+from ...models.radar.detection import View, polar
+from ...models.radar.ofdm import MOUNTING
 from ...models.records import Array, Recording, Scan, Stream
 from .params import SceneParams
 
-STREAMS = ("position", "range_bearing")
+STREAMS = SceneParams.STREAMS
 _UPPER = np.triu_indices(3)
 _TABLES = ("p_detect_table", *(f"cov_{'xyz'[i]}{'xyz'[j]}_table" for i, j in np.transpose(_UPPER)))
 _ROWS = {"position": ("x", "y", "z"), "range_bearing": ("range", "azimuth", "elevation")}
@@ -33,7 +33,7 @@ class SensorState:
     """One scan: detections z (m, 3) along x in the map frame, and how its sensor sees.
 
     ``order`` (m,) are the rows of the scan in that order. ``table`` (nx, ny, nz, 7), ``position``
-    (3,), ``frame`` (3, 3) and ``cell`` (5,) are those of :class:`.kernels.gsncp.Scene`.
+    (3,), ``frame`` (3, 3) and ``cell`` (5,) are those of :class:`.kernels.posterior.Scene`.
     """
 
     z: Array

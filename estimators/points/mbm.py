@@ -16,73 +16,19 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array, Estimates, Objects, Recording, Scan
-from ..maps.detector import FUSED, STREAMS, Chain, looks, named, recognise, see, used
-from ..maps.params import TUNED
 from .clutter_map import learnt, persistent
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.compiled import gaussians
 from .kernels.smoothing import Epoch, smooth
 from .mbm_filter import Params, State, init, predict, reduce, update
-from .sensing import Look, expected, per_stream
+from .sensing import Look, expected, looks, per_stream
+from .source import MADE, Nothing, Source, recognised
 
-SUMMARY = "Multi-Bernoulli mixture filter of detections or range-angle maps, Poisson or not"
-__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
-
-PRESETS: Mapping[str, Mapping[str, Any]] = {
-    # Vessels by the marine radar of the Autoferry benchmark. What lies (land, moored boats) is
-    # tracked like all else, but shown only once it has travelled. A vessel may be in the shadow of
-    # another for many scans. Chosen on scenarios 2 and 13: most complete with one false object.
-    "autoferry": {
-        "p_detect": 0.95,
-        "clutter_rate": 1.0,
-        "std_position": 4.0,
-        "max_range": 300.0,
-        "std_acceleration": 0.15,
-        "time_unit": 1.0,
-        "p_survive": 0.98,
-        "hide_rate": 0.1,
-        "show_rate": 0.1,
-        "birth_rate": 0.01,
-        "birth_std_velocity": (2.5, 2.5),
-        "poisson": True,
-        "gate": 16.0,
-        "max_hypotheses": 50,
-        "min_weight": 1e-5,
-        "min_existence": 1e-6,
-        "merge_existence": 0.05,
-        "max_coast": 20.0,
-        "min_travel": 40.0,
-        "lag": 40.0,
-        "retrodict": 12.0,
-        "sensors": {
-            "lidar": {"p_detect": 0.7, "std_position": 3.0, "max_range": 100.0},
-        },
-    },
-    # Thresholds of E. Favarelli et al., "Multi-base station cooperative sensing with AI-aided
-    # tracking", section IV-B, for the scenario's births.
-    "paper": {
-        "p_detect": 0.99,
-        "p_survive": 0.9,
-        "clutter_rate": 0.1,
-        "std_acceleration": 0.0,
-        "diffusion": 5.0,
-        "birth": "components",
-        "gate": 14.0,
-        "min_existence": 1e-4,
-        "min_weight": 1e-15,
-        "max_hypotheses": 10,
-        "merge_distance": 0.0,
-        "unite_distance": 5.0,
-        "extract_existence": 0.99,
-    },
-    "tuned": {**TUNED, "max_hypotheses": 20},
-}
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
 _log = logging.getLogger(__name__)
 
@@ -117,28 +63,28 @@ class Context:
     """What stays: the recording's setup and the parameters, in all and by stream.
 
     ``spread`` are those by stream with undetected targets among the clutter, where they are;
-    ``chain`` makes detections of maps.
+    ``source`` makes detections of scans that hold none.
     """
 
     setup: Recording
     params: Params
     sensing: Mapping[str, Params]
     spread: Mapping[str, Params]
-    chain: Chain
+    source: Source
 
     @staticmethod
-    def of(setup: Recording, params: Params) -> Context:
+    def of(setup: Recording, params: Params, source: Source | None = None) -> Context:
         """The context of a recording."""
-        sensing = per_stream(params, setup) | {FUSED: params}
+        sensing = per_stream(params, setup) | {MADE: params}
         more = params.birth_rate if params.poisson and params.birth == "detections" else 0.0
         spread = {n: replace(p, clutter_rate=p.clutter_rate + more) for n, p in sensing.items()}
-        return Context(setup, params, sensing, spread, Chain.of(setup, params))
+        return Context(setup, params, sensing, spread, source or Nothing())
 
 
 def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, Epoch]:
     """The state after the ``scans`` of one time, taken one after the other, and how it came there.
 
-    Maps are one scan, and the first; their targets to follow are those extracted before.
+    A source follows the targets that were extracted before.
 
     Raises
     ------
@@ -152,8 +98,9 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
         raise InputError(f"scans at {time_ns} ns: two of one stream")
     label, m = followed(state.mixture, context.params)
     state, count, F, Q = predict(state, context.params, time_ns)
-    sight = see(context.chain, together, label, (m @ F.T)[:, :2], state.classes)
-    for scan, all_ in looks(together, sight, context.setup, context.spread):
+    source = context.source
+    sight = source.see(together, label, (m @ F.T)[:, :2], state.classes)
+    for scan, all_ in looks(together, sight, context.setup, context.spread, source.region):
         params, spread, seen = context.sensing[scan.stream], context.spread[scan.stream], all_
         if len(seen.z) > params.max_detections:
             _log.warning("scan of %s at %d ns: %d detections", scan.stream, time_ns, len(seen.z))
@@ -166,7 +113,7 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
         state = replace(reduce(state, params), maps=maps)
     label, m = followed(state.mixture, context.params)
     alive = state.mixture.label
-    classes = recognise(context.chain, sight, label, m[:, :2], alive, state.classes)
+    classes = recognised(sight, label, m[:, :2], alive, state.classes)
     state = replace(state, classes=classes)
     return state, Epoch(time_ns, state.mixture.local, F, Q)
 
@@ -194,10 +141,10 @@ def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
     def leave() -> Estimates:
         objects = _objects(state.mixture, list(epochs), moved, params)
         epochs.popleft()
-        objects = named(context.chain, objects, state.classes)
+        objects = context.source.named(objects, state.classes)
         return Estimates(context.setup.meta, objects, numbers.popleft())
 
-    for _, together in groupby(used(context.chain, scans), key=lambda scan: scan.time_ns):
+    for _, together in groupby(context.source.used(scans), key=lambda scan: scan.time_ns):
         state, epoch = step(state, together, context)
         moved = _moved(state.mixture, moved, params)
         epochs.append(epoch)

@@ -9,10 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...models.parameters import parameter, require
+from ...models.parameters import parameter
 from ...models.records import Array
-from ..maps.detector import Classes
-from ..maps.params import MapParams
 from .clutter_map import Maps
 from .kernels import births
 from .kernels.bernoulli import (
@@ -31,14 +29,18 @@ from .kernels.bernoulli import (
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
-from .sensing import Look, detection_probability, expected, positions
-from .targets import elapse, survival
+from .sensing import Look, SensorParams, detection_probability, expected, positions
+from .source import Classes
+from .targets import TargetParams, elapse, survival
 from .targets import newborn as appearing
 
 
-@dataclass(frozen=True, slots=True)
-class Params(MapParams):
+# Without slots: classes that have some cannot be composed.
+@dataclass(frozen=True)
+class Params(TargetParams, SensorParams):
     """Sensors, targets, and how the mixture is kept small and read."""
+
+    TITLE = "mixture"
 
     poisson: bool = parameter(
         False,
@@ -46,19 +48,37 @@ class Params(MapParams):
         "undetected targets are a Poisson process, not Bernoulli tracks; births at detections then "
         "spread like the clutter and begin with their first detection, not a scan later",
     )
-    hide_rate: float = parameter(0.0, "s-1", "rate at which targets become invisible")
-    show_rate: float = parameter(1.0, "s-1", "rate at which invisible targets become visible")
-    gate: float = parameter(20.0, "1", "squared Mahalanobis distance of a detection from its gate")
-    max_detections: int = parameter(1000, "1", "detections of a scan that are used, the likeliest")
-    max_hypotheses: int = parameter(100, "1", "global hypotheses kept")
-    min_weight: float = parameter(1e-4, "1", "least weight of one, relative to the best")
-    max_tracks: int = parameter(100, "1", "tracks kept")
-    min_existence: float = parameter(1e-5, "1", "Bernoullis that exist less likely are dropped")
+    hide_rate: float = parameter(
+        0.0, "s-1", "rate at which targets become invisible", within="[0, inf)"
+    )
+    show_rate: float = parameter(
+        1.0, "s-1", "rate at which invisible targets become visible", within="[0, inf)"
+    )
+    gate: float = parameter(
+        20.0, "1", "squared Mahalanobis distance of a detection from its gate", within="(0, inf)"
+    )
+    max_detections: int = parameter(
+        1000, "1", "detections of a scan that are used, the likeliest", within="[1, inf)"
+    )
+    max_hypotheses: int = parameter(100, "1", "global hypotheses kept", within="[1, inf)")
+    min_weight: float = parameter(
+        1e-4, "1", "least weight of one, relative to the best", within="(0, inf)"
+    )
+    max_tracks: int = parameter(100, "1", "tracks kept", within="[1, inf)")
+    min_existence: float = parameter(
+        1e-5, "1", "Bernoullis that exist less likely are dropped", within="[0, 1)"
+    )
     max_coast: float = parameter(
-        0.0, "s", "tracks not detected for longer are given up; 0: existence alone decides"
+        0.0,
+        "s",
+        "tracks not detected for longer are given up; 0: existence alone decides",
+        within="[0, inf)",
     )
     merge_distance: float = parameter(
-        0.5, "1", "squared distance within which Bernoullis of a track merge; 0: never"
+        0.5,
+        "1",
+        "squared distance within which Bernoullis of a track merge; 0: never",
+        within="[0, inf)",
     )
     merge_existence: float = parameter(0.1, "1", "difference in existence up to which they merge")
     unite_distance: float = parameter(
@@ -66,38 +86,41 @@ class Params(MapParams):
         "m, m s-1",
         "Euclidean distance of states below which tracks of the best hypothesis become one; 0: "
         "never",
+        within="[0, inf)",
     )
     extraction: str = parameter(
         "existence",
         "1",
         "existence: the tracks of the best hypothesis that exist with extract_existence; "
         "cardinality: as many as is most probable, of the best hypothesis with that number",
+        within=("existence", "cardinality"),
     )
-    extract_existence: float = parameter(0.5, "1", "least existence of what is extracted by it")
+    extract_existence: float = parameter(
+        0.5, "1", "least existence of what is extracted by it", within="[0, 1)"
+    )
     min_travel: float = parameter(
-        0.0, "m", "only tracks that have been as far from where they began: leaves out what lies"
+        0.0,
+        "m",
+        "only tracks that have been as far from where they began: leaves out what lies",
+        within="[0, inf)",
     )
     lag: float = parameter(
         0.0,
         "s",
         "how long an estimate waits for what comes: fixed-lag smoothing, tracks shown from the "
         "start",
+        within="[0, inf)",
     )
     retrodict: float = parameter(
-        0.0, "s", "with a lag: how long before its first detection a target is shown, straight back"
+        0.0,
+        "s",
+        "with a lag: how long before its first detection a target is shown, straight back",
+        within="[0, inf)",
     )
 
     def __post_init__(self) -> None:
-        MapParams.__post_init__(self)
-        for name in ("gate", "max_detections", "max_hypotheses", "max_tracks", "min_weight"):
-            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
-        rates = ("hide_rate", "show_rate", "max_coast", "min_travel")
-        for name in (*rates, "merge_distance", "unite_distance", "lag", "retrodict"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        for name in ("min_existence", "extract_existence"):
-            require(0 <= getattr(self, name) < 1, name, "in [0, 1)", getattr(self, name))
-        known = ("existence", "cardinality")
-        require(self.extraction in known, "extraction", " or ".join(known), self.extraction)
+        SensorParams.__post_init__(self)
+        TargetParams.__post_init__(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,80 +17,26 @@ from typing import Any
 import numpy as np
 
 from ...models.errors import EstimatorError, InputError
-from ...models.parameters import parameter, require
+from ...models.parameters import parameter
 from ...models.records import Array, Estimates, Objects, Recording, Scan
 from ...models.regions import polygons, statistics
-from ..maps.detector import FUSED, STREAMS, Chain, Classes, looks, named, recognise, see, used
-from ..maps.params import TUNED, MapParams
 from .clutter_map import Maps, learnt, persistent
 from .kernels import births
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
-from .sensing import Look, detection_probability, expected, per_stream, positions
+from .sensing import (
+    Look,
+    SensorParams,
+    detection_probability,
+    expected,
+    looks,
+    per_stream,
+    positions,
+)
+from .source import MADE, Classes, Nothing, Source, recognised
 from .targets import TargetParams, elapse, newborn, survival
 
-SUMMARY = "Gaussian-mixture PHD filter of detections or range-angle maps, with regions"
-PRESETS: Mapping[str, Mapping[str, Any]] = {
-    # The scenario of the same name: targets enter along the west edge and move east.
-    "surveillance": {
-        "scene": (0.0, 1000.0, 0.0, 400.0),
-        "p_survive": 0.999,
-        "birth": "edge",
-        "birth_rate": 1.0,
-        "birth_edge": (0.0, 100.0, 0.0, 300.0),
-        "birth_count": 5,
-        "birth_std_across": 3.0,
-        "birth_velocity": (5.0, 0.0),
-        "birth_std_velocity": (0.5, 0.3),
-        "std_acceleration": 0.05,
-        "max_components": 300,
-        "regions": {
-            "B1": (100.0, 300.0, 100.0, 300.0),
-            "B2": (400.0, 600.0, 100.0, 300.0),
-            "B3": (700.0, 900.0, 100.0, 300.0),
-        },
-    },
-    # Vessels by the marine radar of the Autoferry benchmark. What lies (land, moored boats) is
-    # learnt as clutter. Chosen on scenarios 2 and 13: least GOSPA, of equals the most complete.
-    "autoferry": {
-        "p_detect": 0.8,
-        "clutter_rate": 5.0,
-        "clutter_cell": 5.0,
-        "clutter_memory": 60.0,
-        "std_position": 4.0,
-        "max_range": 300.0,
-        "std_acceleration": 0.15,
-        "time_unit": 1.0,
-        "p_survive": 0.98,
-        "birth_rate": 0.01,
-        "birth_std_velocity": (2.5, 2.5),
-        "extract_weight": 0.3,
-        "sensors": {
-            "lidar": {"p_detect": 0.7, "std_position": 3.0, "max_range": 100.0},
-        },
-    },
-    # Range-angle maps of base stations: E. Favarelli et al., "Multi-base station cooperative
-    # sensing with AI-aided tracking", section IV-B, for the scenario's births.
-    "paper": {
-        "p_detect": 0.99,
-        "p_survive": 0.9,
-        "clutter_rate": 0.1,
-        "std_acceleration": 0.0,
-        "diffusion": 5.0,
-        "birth": "components",
-        "prune_weight": 1e-4,
-        "cap_before_merge": True,
-        "max_components": 10,
-        "merge_by": "none",
-        "merge_distance": 25.0,
-        "extraction": "rounding",
-    },
-    "tuned": TUNED,
-}
-__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
-
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
-MERGE_BY, EXTRACTION = ("candidate", "leader", "none"), ("weight", "rounding")
 CROWD = 5000
 """Detections of a scan above which a warning says so; updated components that are looked at."""
 NEGLIGIBLE = 1e-9
@@ -98,28 +44,41 @@ NEGLIGIBLE = 1e-9
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class Params(MapParams):
+# Without slots: classes that have some cannot be composed.
+@dataclass(frozen=True)
+class Params(TargetParams, SensorParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
-    gate: float = parameter(30.0, "1", "squared Mahalanobis distance of a detection from its gate")
-    prune_weight: float = parameter(1e-5, "1", "components of less weight are dropped")
-    merge_distance: float = parameter(4.0, "1", "squared distance within which components merge")
+    TITLE = "mixture"
+
+    gate: float = parameter(
+        30.0, "1", "squared Mahalanobis distance of a detection from its gate", within="(0, inf)"
+    )
+    prune_weight: float = parameter(
+        1e-5, "1", "components of less weight are dropped", within="[0, 1)"
+    )
+    merge_distance: float = parameter(
+        4.0, "1", "squared distance within which components merge", within="(0, inf)"
+    )
     merge_by: str = parameter(
         "candidate",
         "1",
         "whose covariance scales distances from the strongest: candidate (table II), leader (the "
         "strongest's own: vague components stay apart) or none (Euclidean, m and m s-1)",
+        within=("candidate", "leader", "none"),
     )
-    max_components: int = parameter(100, "1", "components kept")
+    max_components: int = parameter(100, "1", "components kept", within="[1, inf)")
     cap_before_merge: bool = parameter(False, "1", "cap, then merge; not merge, then cap")
     extraction: str = parameter(
         "weight",
         "1",
         "weight: a component above extract_weight counts as often as its rounded weight; "
         "rounding: the strongest components, as many as the rounded sum of weights",
+        within=("weight", "rounding"),
     )
-    extract_weight: float = parameter(0.5, "1", "least weight of what is extracted by weight")
+    extract_weight: float = parameter(
+        0.5, "1", "least weight of what is extracted by weight", within="[0, 1)"
+    )
     drop_missed_births: bool = parameter(
         False, "1", "variant: what appears and is not detected at once is forgotten"
     )
@@ -131,19 +90,13 @@ class Params(MapParams):
     keep: bool = parameter(
         False, "1", "keep the updated mixture of every step, for regions that are named afterwards"
     )
-    keep_components: int = parameter(500, "1", "the strongest so many components of it")
+    keep_components: int = parameter(
+        500, "1", "the strongest so many components of it", within="[1, inf)"
+    )
 
     def __post_init__(self) -> None:
-        MapParams.__post_init__(self)
-        for name in ("gate", "merge_distance"):
-            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
-        for name in ("prune_weight", "extract_weight"):
-            require(0 <= getattr(self, name) < 1, name, "in [0, 1)", getattr(self, name))
-        for name in ("max_components", "keep_components"):
-            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
-        for name, known in (("merge_by", MERGE_BY), ("extraction", EXTRACTION)):
-            value = getattr(self, name)
-            require(value in known, name, f"one of {' '.join(known)}", value)
+        SensorParams.__post_init__(self)
+        TargetParams.__post_init__(self)
         polygons(self.regions)
 
 
@@ -196,25 +149,20 @@ class Posterior:
 class Context:
     """What stays: the recording's setup, parameters (in all and by stream), corners of regions.
 
-    ``chain`` makes detections of maps.
+    ``source`` makes detections of scans that hold none.
     """
 
     setup: Recording
     params: Params
     sensing: Mapping[str, Params]
     regions: Mapping[str, Array]
-    chain: Chain
+    source: Source
 
     @staticmethod
-    def of(setup: Recording, params: Params) -> Context:
+    def of(setup: Recording, params: Params, source: Source | None = None) -> Context:
         """The context of a recording."""
-        return Context(
-            setup,
-            params,
-            per_stream(params, setup) | {FUSED: params},
-            polygons(params.regions),
-            Chain.of(setup, params),
-        )
+        sensing = per_stream(params, setup) | {MADE: params}
+        return Context(setup, params, sensing, polygons(params.regions), source or Nothing())
 
 
 def init() -> State:
@@ -314,7 +262,7 @@ def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:
 def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, Estimates]:
     """The state after the ``scans`` of one time, taken one after the other, and what it says.
 
-    Maps are one scan, and the first; their targets to follow are those extracted before.
+    A source follows the targets that were extracted before.
 
     Raises
     ------
@@ -328,9 +276,9 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
         raise InputError(f"scans at {time_ns} ns: two of one stream")
     followed, _ = extract(state.mixture, params)
     state, is_new = predict(state, params, time_ns)
-    x, chain = state.mixture.take(followed), context.chain
-    sight = see(chain, together, x.label, x.m[:, :2], state.classes)
-    for scan, seen in looks(together, sight, context.setup, context.sensing):
+    x, source = state.mixture.take(followed), context.source
+    sight = source.see(together, x.label, x.m[:, :2], state.classes)
+    for scan, seen in looks(together, sight, context.setup, context.sensing, source.region):
         own = context.sensing[scan.stream]
         if len(seen.z) > CROWD:
             _log.warning("scan of %s at %d ns: %d detections", scan.stream, time_ns, len(seen.z))
@@ -346,8 +294,8 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
         numbers |= _kept(posterior, params.keep_components)
     state, objects = _objects(state, params)
     alive, where = state.mixture.label, objects.state[:, :2]
-    classes = recognise(chain, sight, objects.label, where, alive, state.classes)
-    state, objects = replace(state, classes=classes), named(chain, objects, classes)
+    classes = recognised(sight, objects.label, where, alive, state.classes)
+    state, objects = replace(state, classes=classes), source.named(objects, classes)
     numbers["components"] = np.array([len(state.mixture.w)])
     return state, Estimates(context.setup.meta, objects, numbers)
 
@@ -368,7 +316,7 @@ def estimate(
 def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
     """:func:`estimate` in a context of the caller's."""
     state = init()
-    for _, together in groupby(used(context.chain, scans), key=lambda scan: scan.time_ns):
+    for _, together in groupby(context.source.used(scans), key=lambda scan: scan.time_ns):
         state, estimates = step(state, together, context)
         yield estimates
 

@@ -6,39 +6,55 @@ their noise and the density of clutter where they stand, and the pose and view o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import inf, pi
 from typing import Any, TypeVar
 
 import numpy as np
 
-from ...models.detection import View, polar
 from ...models.errors import InputError
 from ...models.parameters import REQUIRED, as_dict, parameter, require, resolve
 from ...models.poses import pose_at
+from ...models.radar.detection import View, polar
 from ...models.records import Array, Recording, Scan, Sensor
 from ...models.regions import area, box, mass, polygon
+from .source import MADE, Sight
 
 STREAMS = ("position", "range_bearing")
 
 
-@dataclass(frozen=True, slots=True)
+# Without slots: classes that have some cannot be composed.
+@dataclass(frozen=True)
 class SensorParams:
     """What is assumed about the sensors; recordings state it about theirs."""
 
-    p_detect: float = parameter(REQUIRED, "1", "probability of detection inside the view")
-    clutter_rate: float = parameter(REQUIRED, "1", "expected false detections per scan")
+    TITLE = "sensors"
+
+    p_detect: float = parameter(
+        REQUIRED, "1", "probability of detection inside the view", within="[0, 1]"
+    )
+    clutter_rate: float = parameter(
+        REQUIRED, "1", "expected false detections per scan", within="[0, inf)"
+    )
     clutter_region: tuple[float, ...] = parameter(
         (),
         "m",
         "x_min, x_max, y_min, y_max of uniform clutter in the map; empty: uniform in range and "
         "azimuth over the view",
     )
-    std_position: float = parameter(0.0, "m", "noise of a position, where the rows state none")
-    std_range: float = parameter(0.0, "m", "noise of a range, where the rows state none")
-    std_azimuth: float = parameter(0.0, "rad", "noise of an azimuth, where the rows state none")
-    max_range: float = parameter(0.0, "m", "end of the view where scans state none; 0: nowhere")
+    std_position: float = parameter(
+        0.0, "m", "noise of a position, where the rows state none", within="[0, inf)"
+    )
+    std_range: float = parameter(
+        0.0, "m", "noise of a range, where the rows state none", within="[0, inf)"
+    )
+    std_azimuth: float = parameter(
+        0.0, "rad", "noise of an azimuth, where the rows state none", within="[0, inf)"
+    )
+    max_range: float = parameter(
+        0.0, "m", "end of the view where scans state none; 0: nowhere", within="[0, inf)"
+    )
     fov_mass: bool = parameter(
         False, "1", "p_detect times the mass inside the view, not all or nothing by the mean"
     )
@@ -46,9 +62,6 @@ class SensorParams:
     sensors: Any = parameter({}, "1", "what differs for single streams: name to parameters")
 
     def __post_init__(self) -> None:
-        for name in ("clutter_rate", "std_position", "std_range", "std_azimuth", "max_range"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        require(0 <= self.p_detect <= 1, "p_detect", "in [0, 1]", self.p_detect)
         if self.clutter_region:
             polygon(self.clutter_region, "clutter_region")
         require(isinstance(self.sensors, Mapping), "sensors", "a mapping", self.sensors)
@@ -122,6 +135,40 @@ def look(params: SensorParams, scan: Scan, polar_rows: bool, sensor: Sensor) -> 
     period = np.array([0.0, 2 * pi if polar_rows else 0.0])
     clutter = _clutter(params, polar_rows, z, where, p, view)
     return Look(polar_rows, z, R, clutter, period, p, rotation, view, params.p_detect)
+
+
+def looks(
+    scans: Iterable[Scan],
+    sight: Sight | None,
+    setup: Recording,
+    params: Mapping[str, SensorParams],
+    region: tuple[float, ...],
+) -> Iterator[tuple[Scan, Look]]:
+    """What the ``scans`` of one time show with the ``params`` of their streams, one by one.
+
+    What a source has made of some of them is the first, and has no rows; its clutter is uniform
+    over ``region`` where no other is stated.
+
+    Raises
+    ------
+    InputError : the noise of the detections, or the region of the clutter, is not known
+    """
+    together = list(scans)
+    if sight is not None:
+        time_ns = together[0].time_ns
+        yield Scan(MADE, time_ns, {}, {}), made(params[MADE], sight.z, sight.R, region)
+    for scan in together:
+        stream = setup.streams[scan.stream]
+        if stream.kind in STREAMS:
+            polar_rows, sensor = stream.kind == "range_bearing", setup.sensors[stream.nodes[0]]
+            yield scan, look(params[scan.stream], scan, polar_rows, sensor)
+
+
+def made(params: SensorParams, z: Array, R: Array, region: tuple[float, ...]) -> Look:
+    """Detections z (n, 2) that a source made in the map, with covariances R (n, 2, 2)."""
+    clutter = np.full(len(z), params.clutter_rate / area(box(params.clutter_region or region)))
+    zero = np.zeros(2)
+    return Look(False, z, R, clutter, zero, zero, np.eye(2), View(), params.p_detect)
 
 
 def expected(look: Look, m: Array, P: Array, unscented: bool) -> tuple[Array, Array, Array]:
@@ -228,6 +275,6 @@ def _clutter(
 
 
 __all__ = [
-    "STREAMS", "Look", "SensorParams", "detection_probability", "expected", "look", "per_stream",
-    "positions",
+    "STREAMS", "Look", "SensorParams", "detection_probability", "expected", "look", "looks",
+    "per_stream", "positions",
 ]  # fmt: skip

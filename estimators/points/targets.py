@@ -13,55 +13,63 @@ from ...models.parameters import parameter, require
 from ...models.records import Array
 from ...models.regions import box, contains, polygon
 from .kernels import births
-from .sensing import SensorParams
 
 BIRTHS = ("detections", "edge", "components")
 
 
-@dataclass(frozen=True, slots=True)
-class TargetParams(SensorParams):
+# Without slots: classes that have some cannot be composed.
+@dataclass(frozen=True)
+class TargetParams:
     """Near constant velocity; p_survive and births hold for a step, or for ``time_unit``.
 
     What lies may be taken for clutter that persists.
     """
 
-    std_acceleration: float = parameter(1.0, "m s-2", "white acceleration, constant over a step")
-    diffusion: float = parameter(0.0, "s-1", "variance that every state entry gains per second")
-    p_survive: float = parameter(0.99, "1", "probability that a target survives a step")
+    TITLE = "targets"
+
+    std_acceleration: float = parameter(
+        1.0, "m s-2", "white acceleration, constant over a step", within="[0, inf)"
+    )
+    diffusion: float = parameter(
+        0.0, "s-1", "variance that every state entry gains per second", within="[0, inf)"
+    )
+    p_survive: float = parameter(
+        0.99, "1", "probability that a target survives a step", within="[0, 1]"
+    )
     scene: tuple[float, ...] = parameter(
         (), "m", "x_min, x_max, y_min, y_max outside which no target survives; empty: everywhere"
     )
-    time_unit: float = parameter(0.0, "s", "time of a step; 0: from one scan to the next")
-    birth: str = parameter("detections", "1", "where targets appear: detections, edge, components")
-    birth_rate: float = parameter(0.1, "1", "expected new targets per step (not for components)")
+    time_unit: float = parameter(
+        0.0, "s", "time of a step; 0: from one scan to the next", within="[0, inf)"
+    )
+    birth: str = parameter("detections", "1", "where targets appear", within=BIRTHS)
+    birth_rate: float = parameter(
+        0.1, "1", "expected new targets per step (not for components)", within="[0, inf)"
+    )
     birth_components: tuple[tuple[float, ...], ...] = parameter(
         (), "1, m, m s-1", "weight, x y vx vy and their four standard deviations, for each"
     )
     birth_edge: tuple[float, ...] = parameter((), "m", "x0, y0, x1, y1 of the edge")
-    birth_count: int = parameter(10, "1", "components along the edge")
-    max_births: int = parameter(200, "1", "detections of a scan at which targets may appear")
-    birth_std_across: float = parameter(5.0, "m", "spread at right angles to the edge")
+    birth_count: int = parameter(10, "1", "components along the edge", within="[1, inf)")
+    max_births: int = parameter(
+        200, "1", "detections of a scan at which targets may appear", within="[1, inf)"
+    )
+    birth_std_across: float = parameter(
+        5.0, "m", "spread at right angles to the edge", within="(0, inf)"
+    )
     birth_velocity: tuple[float, float] = parameter((0.0, 0.0), "m s-1", "mean at the edge")
-    birth_std_velocity: tuple[float, float] = parameter((5.0, 5.0), "m s-1", "spread of velocity")
+    birth_std_velocity: tuple[float, float] = parameter(
+        (5.0, 5.0), "m s-1", "spread of velocity", within="(0, inf)"
+    )
     clutter_cell: float = parameter(
         0.0,
         "m",
         "cells of a map of persistent clutter, learnt on the way, as wide as the noise; 0: no map",
+        within="[0, inf)",
     )
-    clutter_memory: float = parameter(60.0, "s", "time over which it fades")
+    clutter_memory: float = parameter(60.0, "s", "time over which it fades", within="(0, inf)")
 
     def __post_init__(self) -> None:
-        SensorParams.__post_init__(self)
-        for name in ("std_acceleration", "diffusion", "time_unit", "birth_rate", "clutter_cell"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        require(self.clutter_memory > 0, "clutter_memory", "positive", self.clutter_memory)
-        require(0 <= self.p_survive <= 1, "p_survive", "in [0, 1]", self.p_survive)
-        require(self.birth in BIRTHS, "birth", f"one of {' '.join(BIRTHS)}", self.birth)
-        for name in ("birth_count", "max_births"):
-            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
-        require(self.birth_std_across > 0, "birth_std_across", "positive", self.birth_std_across)
-        std = self.birth_std_velocity
-        require(min(std) > 0, "birth_std_velocity", "positive", std)
         if self.scene:
             polygon(self.scene, "scene")
         for c in self.birth_components:

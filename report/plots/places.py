@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ...models.detection import View
 from ...models.errors import ParameterError
 from ...models.poses import pose_at, rotation
+from ...models.radar.detection import View
 from ...models.records import Array, Estimates, Objects, Recording, Stream
 from ...models.regions import polygon
 from .protocol import Selection

@@ -176,7 +176,7 @@ def test_unfit_workers_and_signals(command, start, lab, files, tmp_path):
     code = """
 import sys
 from only_here import nothing
-from echoset.campaign.cluster import Cluster
+from echoset.campaign.batch.cluster import Cluster
 cluster = Cluster(sys.argv[1])
 cluster._versions, versions = {**cluster._versions, "numpy": "0.1"}, cluster._versions
 for call in (print, nothing):

@@ -6,11 +6,11 @@ import subprocess
 
 import pytest
 
-from echoset.campaign.batch import _portable
+from echoset.campaign.batch.run import _portable
 from echoset.campaign.exits import worst
 from echoset.campaign.layers import assignments
-from echoset.formats.plain_yaml import dump, parse
 from echoset.models.errors import FormatError, ParameterError
+from echoset.models.plain_yaml import dump, parse
 
 
 @pytest.mark.parametrize(

@@ -24,11 +24,12 @@ import zstandard
 from mcap.writer import CompressionType, Writer
 
 from echoset import formats
-from echoset.formats import plain_yaml, weights
 from echoset.formats import scores as scores
 from echoset.formats import tree as trees
+from echoset.formats import weights
 from echoset.formats.importers import autoferry, labyrinth
 from echoset.formats.mcap.reader import HEADER
+from echoset.models import plain_yaml
 from echoset.models.errors import FormatError, ParameterError
 
 ROOM = 1 << 30

@@ -9,7 +9,7 @@ import pytest
 
 from echoset.metrics import accuracy, capacity
 from echoset.models.errors import InputError
-from echoset.models.multibeam import BaseStation
+from echoset.models.radar.multibeam import BaseStation
 from echoset.models.records import Sensor, Stream
 
 NAMES = ("pedestrian", "vehicle")

@@ -13,7 +13,7 @@ is one in space whose third axis is exact: D is flat there and the third standar
 every detection is (2 pi)^-1/2, so that its density is one.
 
 The functions here define the moves and compute everything anew for each; the twins in
-:mod:`.compiled.gsncp` keep Z running and give the same chain for the same random numbers.
+:mod:`.compiled.posterior` keep Z running and give the same chain for the same random numbers.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 
 from ....models import extent
 from ....models.grids import Grid
-from ....models.ofdm import resolved
+from ....models.radar.ofdm import resolved
 from ....models.records import Array
 
 POSITION, EXTENT, BIRTH, DEATH, RELOCATE, JUMP = range(6)
@@ -46,7 +46,7 @@ class Scene(NamedTuple):
     are ``offset[k]:offset[k + 1]``. ``table`` (K, nx, ny, nz, 7) holds p_D and the covariance xx xy
     xz yy yz zz at the nodes ``origin + i spacing``, ``outside`` (7,) beyond. ``position`` (K, 3)
     and ``frame`` (K, 3, 3) take points to the array's axes, for which ``cell`` (5,) holds the
-    arguments of :func:`echoset.models.ofdm.resolved`; its first is 0 where the last is r itself.
+    arguments of ``resolved`` in ``models/radar/ofdm``; its first is 0 where the last is r itself.
     Centres lie in [lower, upper] (3,), ``radius`` apart, extents in [e_lower, e_upper] (6,).
     Detections with a squared Mahalanobis distance above ``gate`` have eta = 0. Births look where
     ``weight`` (M,) is high, ``spread`` [m] around detections, or anywhere with probability

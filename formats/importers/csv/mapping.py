@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from ....models.errors import FormatError, ParameterError
 from ....models.parameters import require, resolve, suggestion
-from ...plain_yaml import parse
+from ....models.plain_yaml import parse
 from ..text import TextFile, read_text
 from . import columns
 from .table import Dialect, Log, Reading, read_table

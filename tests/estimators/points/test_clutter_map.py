@@ -6,6 +6,7 @@ import pytest
 from echoset.estimators.points import mbm, phd
 from echoset.estimators.points.clutter_map import NEGLIGIBLE, unknown
 from echoset.models.errors import ParameterError
+from echoset.models.parameters import resolve
 
 SECOND = 10**9
 MODEL = {
@@ -76,4 +77,4 @@ def test_a_target_that_moves_is_found_beside_one_that_lies(make_recording, kind,
 @pytest.mark.parametrize("wrong", [{"clutter_cell": -1.0}, {"clutter_memory": 0.0}])
 def test_impossible_parameters_are_refused(module, wrong):
     with pytest.raises(ParameterError, match=next(iter(wrong))):
-        module.Params(**{**MODEL, **wrong})
+        resolve(module.Params, ("here", {**MODEL, **wrong}))

@@ -13,6 +13,7 @@ from echoset.estimators.points.kernels.compiled import bernoulli as compiled
 from echoset.estimators.points.kernels.smoothing import Epoch, smooth
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
+from echoset.models.parameters import resolve
 from echoset.models.poses import yaw_quaternion
 from echoset.models.records import Sensor
 
@@ -528,4 +529,4 @@ def test_scans_out_of_order_or_twice_are_refused(make_recording):
 )
 def test_impossible_parameters_are_refused(wrong):
     with pytest.raises(ParameterError, match=next(iter(wrong))):
-        mbm.Params(**{**BASE, **wrong})
+        resolve(mbm.Params, ("here", {**BASE, **wrong}))

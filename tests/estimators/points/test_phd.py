@@ -12,6 +12,7 @@ from echoset.estimators.points import phd
 from echoset.estimators.points.sensing import look
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
+from echoset.models.parameters import resolve
 from echoset.models.poses import yaw_quaternion
 from echoset.models.records import Sensor, Stream
 
@@ -28,7 +29,7 @@ BASE = {
 
 
 def run(recording, **changes):
-    params = phd.Params(**{**BASE, **changes})
+    params = resolve(phd.Params, ("here", {**BASE, **changes}))
     rng = np.random.default_rng(0)
     steps = list(phd.estimate(recording.setup(), recording.scans(), params, rng))
     for step in steps:

@@ -12,8 +12,8 @@ from echoset.estimators.points.sensing import (
     look,
     positions,
 )
-from echoset.models.detection import View
 from echoset.models.poses import yaw_quaternion
+from echoset.models.radar.detection import View
 from echoset.models.records import Sensor
 
 TURN = 2.2

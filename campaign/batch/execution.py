@@ -1,0 +1,43 @@
+"""Who does the tasks of a command, and what is told of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ...models.errors import ParameterError
+from ..outputs import DASH, Target
+
+
+@dataclass(frozen=True, slots=True)
+class Execution:
+    """Who does the tasks (``jobs`` processes, or the cluster at an address), and what is told."""
+
+    jobs: int = 1
+    cluster: str | None = None
+    keep_going: bool = False
+    summary: str | None = None
+
+    def place(self, path: str) -> str:
+        """``path`` as those who do the tasks know it: the workers of a cluster by its whole name.
+
+        Raises
+        ------
+        ParameterError : stdin or stdout, which a cluster does not have
+        """
+        if self.cluster is None:
+            return path
+        if path == DASH:
+            raise ParameterError("--cluster works on files: '-' has no place there")
+        return os.path.abspath(path)
+
+    def places(self, paths: Iterable[str]) -> tuple[str, ...]:
+        """:meth:`place` of each."""
+        return tuple(map(self.place, paths))
+
+    def target(self, target: Target) -> Target:
+        """``target`` at the :meth:`place` of its path."""
+        path = self.place(DASH if target.path is None else str(target.path))
+        return target if self.cluster is None else replace(target, path=Path(path))
