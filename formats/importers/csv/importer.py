@@ -31,9 +31,9 @@ from ....models.parameters import parameter, require, suggestion
 from ....models.records import Meta, Recording, Sensor, Stream
 from ....models.registry import parameters
 from . import columns, truth
+from .log import Log
 from .mapping import MEASUREMENT, OPTIONAL, UNUSED, Mapping, Tables, load
 from .radar import radar
-from .table import Log
 from .times import epoch_ns
 from .units import axes
 from .uwb import uwb
@@ -131,7 +131,7 @@ def _parts(content: dict[str, Any], source: object) -> dict[str, Mapping]:
 
 def _rows(name: str, mapping: Mapping, path: Path, tables: Tables, several: bool) -> Log:
     """The rows of one stream: of the log itself and what continues it, or of files of its own."""
-    where = f"streams.{name}: columns" if several else "mapping: columns"
+    where = f"streams.{name}.columns" if several else "mapping: columns"
     needed = ("time", *MEASUREMENT[mapping.kind])
     found = columns.fields(mapping.columns, needed, OPTIONAL[mapping.kind], where)
     more = (

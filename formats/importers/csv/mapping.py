@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from collections import abc
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from ....models.errors import FormatError, ParameterError
 from ....models.parameters import require, resolve, suggestion
 from ....models.plain_yaml import parse
+from ..matlab import read_mat
 from ..text import TextFile, read_text
 from . import columns
-from .table import Dialect, Log, Reading, read_table
+from .log import Log
+from .reading import Dialect, Reading
+from .table import read_table
 from .times import epoch_ns
 
 MEASUREMENT = {"uwb": ("distance",), "position": ("x", "y"), "range_bearing": ("range", "azimuth")}
@@ -29,6 +32,7 @@ UNUSED = {
     "position": ("anchors", "devices"),
     "range_bearing": ("anchors", "devices"),
 }
+MATLAB = ".mat"
 R = TypeVar("R", bound=Reading)
 
 
@@ -113,8 +117,8 @@ class Mapping(Reading):
 class Tables:
     """Reads the tables of a mapping, written in ``dialect`` unless they say otherwise.
 
-    ``files`` collects those that were read, for the provenance, and ``skipped`` what of them was
-    left out.
+    ``files`` collects those that were read, for the provenance, and ``skipped`` by the part of the
+    mapping how many rows were left out, and why.
     """
 
     folder: Path
@@ -153,7 +157,7 @@ class Tables:
     def file(self, path: Path) -> TextFile:
         """The text file at ``path``, read once."""
         if path not in self.files:
-            self.files[path] = read_text(path)
+            self.files[path] = read_mat(path) if path.suffix == MATLAB else read_text(path)
         return self.files[path]
 
     def table(
@@ -164,9 +168,10 @@ class Tables:
         where: str,
     ) -> Log:
         """The columns of files; what was left out of them is noted."""
+        if all(file.path.suffix == MATLAB for file in files):
+            reading = replace(reading, delimiter=",", decimal=".", header=False)
         log = read_table(files, reading, found, where, self.epoch)
         if any(log.skipped.values()):
-            counts = self.skipped.setdefault(log.path.name, {})
-            for reason, count in log.skipped.items():
-                counts[reason] = counts.get(reason, 0) + count
+            part = where.removeprefix("mapping: ").removesuffix("columns").strip(".") or "log"
+            self.skipped[part.removeprefix("streams.")] = dict(log.skipped)
         return log

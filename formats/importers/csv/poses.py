@@ -10,8 +10,8 @@ import numpy as np
 from ....models.errors import ParameterError
 from ....models.parameters import require, suggestion
 from ....models.records import Array, Sensor
+from .log import Log
 from .mapping import Tables
-from .table import Log
 from .units import quantity, turn
 
 _QUATERNION = ("qx", "qy", "qz", "qw")

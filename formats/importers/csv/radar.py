@@ -9,9 +9,9 @@ import numpy as np
 from ....models.errors import ParameterError
 from ....models.records import Array, Sensor, Stream
 from ..rows import pad, to_stream
+from .log import Log
 from .mapping import MEASUREMENT, Mapping, Tables
 from .poses import sensor
-from .table import Log
 from .units import axes, turn
 
 Built = tuple[dict[str, Sensor], dict[str, Stream]]

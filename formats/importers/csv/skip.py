@@ -191,7 +191,7 @@ class _Parser:
             node = self.leaf()
         if minus:
             sign = (-1.0) ** minus
-            return lambda lookup: sign * _numeric(node(lookup), text)
+            return lambda lookup: np.asarray(sign * _numeric(node(lookup), text))
         return node
 
     def leaf(self) -> _Node:
@@ -213,7 +213,7 @@ def _joined(operation: Callable[[Array, Array], Array], a: _Node, b: _Node, text
 
     def node(lookup: Lookup) -> Array:
         with np.errstate(all="ignore"):
-            return operation(taken(a(lookup), text), taken(b(lookup), text))
+            return np.asarray(operation(taken(a(lookup), text), taken(b(lookup), text)))
 
     return node
 

@@ -89,7 +89,8 @@ def _scaled(table: Table, key: str, unit: str, scale: float) -> Array:
 def _ticks(table: Table, key: str, given: TimeField) -> Array:
     """Ticks at a rate; one that falls by more than half of the counter's width has wrapped."""
     values = table.numbers(key)
-    table.none(key, (values != np.rint(values)) | (np.abs(values) > 2**63), "is no whole number")
+    for index in np.flatnonzero((values != np.rint(values)) | (np.abs(values) > 2**63)).tolist():
+        table.fail(key, index, f"{table.columns[key][index][:40]!r} is no whole number of ticks")
     ticks = [int(Decimal(field)) for field in table.columns[key]]
     if given.bits is not None:
         width = 1 << given.bits

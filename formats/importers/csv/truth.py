@@ -11,8 +11,9 @@ import numpy as np
 from ....models.errors import ParameterError
 from ....models.parameters import require, resolve
 from ....models.records import Array, Objects, Truth
+from .log import Log, loose
 from .mapping import Tables
-from .table import Log, Reading, loose
+from .reading import Reading
 from .units import quantity, turn
 
 STATE = {"x": "m", "y": "m", "z": "m", "vx": "m s-1", "vy": "m s-1", "vz": "m s-1"}

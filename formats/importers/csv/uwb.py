@@ -8,9 +8,9 @@ from ....models.columns import ACTIVE, PASSIVE
 from ....models.errors import ParameterError
 from ....models.records import Array, Sensor, Stream
 from ..rows import pad, to_stream
+from .log import Log
 from .mapping import Mapping, Tables
 from .poses import anchors
-from .table import Log
 
 Built = tuple[dict[str, Sensor], dict[str, Stream]]
 
