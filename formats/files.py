@@ -13,6 +13,7 @@ from ..models.checks import check
 from ..models.errors import FormatError, ParameterError
 from ..models.records import Estimates, Meta, Recording, Scan
 from . import layout
+from .foreign import hint
 from .whole import WholeWindows, WholeWriter
 
 GROUP = "echoset.formats"
@@ -124,7 +125,7 @@ def _identify(source: Target, path: object) -> tuple[Any, Target]:
             if source.seekable():
                 source.seek(-len(head), io.SEEK_CUR)
     except OSError as error:
-        raise FormatError(path, "", error.strerror or str(error)) from error
+        raise FormatError(path, "", (error.strerror or str(error)) + hint(source)) from error
     for name in registry.names(GROUP):
         module = registry.load(GROUP, name)
         if head.startswith(module.MAGIC):
@@ -133,7 +134,7 @@ def _identify(source: Target, path: object) -> tuple[Any, Target]:
             return module, source
     if not head:
         raise FormatError(path, "byte 0", "the file is empty")
-    raise FormatError(path, "byte 0", "neither HDF5 nor MCAP")
+    raise FormatError(path, "byte 0", "neither HDF5 nor MCAP" + hint(source))
 
 
 def _peek(source: Any) -> bytes:

@@ -39,6 +39,7 @@ def expect_header(names: Container[str], path: object) -> None:
     absent = sorted(name for name in HEADER if name not in names)
     if absent:
         reason = f"is HDF5, but no file of echoset: it has no {' '.join(absent)}"
+        reason += ": no importer reads it, export it as a table of text"
         raise FormatError(path, "/", reason)
 
 

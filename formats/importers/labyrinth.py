@@ -83,6 +83,13 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     return recording
 
 
+def recognises(path: Path, head: bytes) -> bool:
+    """Whether a file, from its first bytes, or a folder is one of libRSF's."""
+    if path.is_dir():
+        return any((path / name).exists() for name in FOLDER)
+    return head.split()[:1] in ([word.encode()] for word in FIELDS)
+
+
 def _files(paths: Sequence[Path]) -> list[Path]:
     if len(paths) == 1 and paths[0].is_dir():
         return [path for name in FOLDER if (path := paths[0] / name).exists()] or [

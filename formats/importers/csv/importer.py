@@ -32,7 +32,7 @@ from ....models.records import Meta, Recording, Sensor, Stream
 from ....models.registry import parameters
 from . import columns, truth
 from .log import Log
-from .mapping import MEASUREMENT, OPTIONAL, UNUSED, Mapping, Tables, load
+from .mapping import MATLAB, MEASUREMENT, OPTIONAL, UNUSED, Mapping, Tables, load
 from .radar import radar
 from .times import epoch_ns
 from .units import axes
@@ -101,6 +101,21 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     recording = Recording(meta, sensors, streams, true)
     check(recording, paths[0])
     return recording
+
+
+GENERAL = True
+"""Other importers come first, where a file may be for them."""
+
+
+def recognises(path: Path, head: bytes) -> bool:
+    """Whether a file, from its first bytes, is a table of text or of MATLAB."""
+    if path.suffix == MATLAB:
+        return True
+    try:
+        text = head.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        text = head[: error.start].decode("utf-8-sig") if error.start > len(head) - 4 else ""
+    return "".join(text.split()).isprintable() and any(d in text for d in ",;\t| ")
 
 
 def _parts(content: dict[str, Any], source: object) -> dict[str, Mapping]:

@@ -65,6 +65,16 @@ def read(table: Table, keys: Sequence[str], given: TimeField, epoch: int) -> Arr
     return time
 
 
+def is_date(text: str) -> bool:
+    """Whether ``text`` is a date, or a date and a time, in ISO 8601 and not a number."""
+    return _ISO.fullmatch(text) is not None and not _NUMBER.fullmatch(text)
+
+
+def is_clock(text: str) -> bool:
+    """Whether ``text`` is a time of day, and not a number."""
+    return _CLOCK.fullmatch(text) is not None and not _NUMBER.fullmatch(text)
+
+
 def is_text(table: Table, keys: Sequence[str], given: TimeField) -> bool:
     """Whether the times are written as text: by a format, or as the first row shows."""
     if given.format or not len(table):
