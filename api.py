@@ -10,7 +10,7 @@ from . import formats
 from .estimators.run import Estimation
 from .formats.atomic import atomic
 from .formats.provenance import versions
-from .formats.steps import concatenate
+from .formats.windows import concatenate
 from .models import registry
 from .models.parameters import resolve, sensor_model
 from .models.records import Estimates, Recording, Scores

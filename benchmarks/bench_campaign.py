@@ -102,7 +102,7 @@ def watched(clock: Clock, disk: Clock) -> Iterator[None]:
         kept.append((owner, name, getattr(owner, name)))
         setattr(owner, name, value)
 
-    load, opened, writer = estimators.load, estimation.open_source, estimation.estimates_writer
+    load, opened, writer = estimators.load, estimation.open_source, estimation.writer
 
     def source(*args: Any, **kwargs: Any) -> Any:
         with clock.part("read"):
@@ -121,7 +121,7 @@ def watched(clock: Clock, disk: Clock) -> Iterator[None]:
 
     put(estimators, "load", lambda *names: Watched(load(*names), clock))
     put(estimation, "open_source", source)
-    put(estimation, "estimates_writer", written)
+    put(estimation, "writer", written)
     put(os, "fsync", disk.timed("fsync", os.fsync))
     try:
         yield

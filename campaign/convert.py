@@ -136,14 +136,13 @@ def _recovered(path: Path, task: Task) -> bool:
         return replace(task, recover=False).run()
     with closing(formats.rescue(path)) as found, task.target.open() as opened:
         writer: Any = None
-        carried: tuple[Recording | None, ...] = ()
         try:
             for window in found:
                 if writer is None:
-                    writer = _writer(window, opened, task.target)
-                    carried = () if isinstance(window, Recording) else (None,)
+                    _known(task.target, window)
+                    writer = formats.writer(opened, task.target.format)
                 writer.append(window)
-            writer.close(found.meta, *(found.recording for _ in carried))
+            writer.close(found.meta, found.recording)
         finally:
             if writer is not None:
                 writer.abort()
@@ -158,11 +157,11 @@ def _recovered(path: Path, task: Task) -> bool:
 def _passed_on(path: Path, task: Task) -> bool:
     """Whether the record could be written window by window as it was read: not what it carries."""
     with closing(formats.open_windows(path, label(task.label))) as windows:
-        if windows.carries:
+        if windows.has_recording:
             return False
         _known(task.target, windows.head)
         with task.target.open() as opened:
-            writer = _writer(windows.head, opened, task.target)
+            writer = formats.writer(opened, task.target.format)
             try:
                 for window in share(windows, windows) if task.show else windows:
                     writer.append(window)
@@ -170,14 +169,6 @@ def _passed_on(path: Path, task: Task) -> bool:
             finally:
                 writer.abort()
     return True
-
-
-def _writer(record: Recording | Estimates, opened: Any, target: Target) -> Any:
-    """A writer of records of the kind of ``record``."""
-    _known(target, record)
-    single = isinstance(record, Recording)
-    make: Any = formats.recording_writer if single else formats.estimates_writer
-    return make(opened, target.format)
 
 
 def _write(record: Recording | Estimates | Scores, target: Target) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..estimators.presets import preset as named
 from ..estimators.run import GROUP, Estimation, TimedStep
-from ..formats import EstimatesWriter, estimates_writer, header, open_source, read
+from ..formats import Writer, header, open_source, read, writer
 from ..formats import scores as files
 from ..formats.provenance import versions
 from ..metrics.kit.table import concatenate, rows
@@ -104,17 +104,17 @@ class Task:
             run = self.asked.on(setup, self.label)
             steps = run.timed(source.scans())
             with self.target.open() as target:
-                writer = estimates_writer(target, self.target.format)
+                out = writer(target, self.target.format)
                 try:
                     meta = replace(setup.meta, provenance=run.provenance(versions()))
                     shown = progress.share(steps, source) if self.show else steps
-                    timing = _append(shown, writer, meta)
+                    timing = _append(shown, out, meta)
                     digests = source.observed_digest, self._content_digest()
                     meta = replace(meta, provenance=run.provenance(versions(), *digests))
-                    writer.close(meta, source.recording() if carried else None)
+                    out.close(meta, source.recording() if carried else None)
                     return timing
                 finally:
-                    writer.abort()
+                    out.abort()
         finally:
             source.close()
 
@@ -133,11 +133,11 @@ class Task:
         return str(header(Path(self.source))["content_digest"]) if self.asked.uses_truth else ""
 
 
-def _append(steps: Iterable[TimedStep], writer: EstimatesWriter, meta: Meta) -> Timing:
+def _append(steps: Iterable[TimedStep], out: Writer, meta: Meta) -> Timing:
     """Write the steps, and tell their times."""
     timing = Timing(meta.name, str(meta.provenance["estimator"]), array("q"), array("d"))
     for step, seconds in steps:
-        writer.append(replace(step, meta=meta))
+        out.append(replace(step, meta=meta))
         timing.time_ns.extend(step.objects.time_ns.tolist())
         timing.seconds.extend([seconds] * len(step.objects.time_ns))
     return timing

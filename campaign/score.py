@@ -80,9 +80,10 @@ def score(task: Task) -> Scores:
         estimates = found.head
         if isinstance(estimates, Recording):
             raise InputError(f"{task.label}: holds a recording, not estimates")
-        place = None if found.carries else truth.find(estimates, task.label, task.truth)
-        how = (source, task.label, True) if place is None else (place, place)
-        about = stack.enter_context(closing(formats.open_windows(*how, scans=False)))
+        place = None if found.has_recording else truth.find(estimates, task.label, task.truth)
+        path, label = (source, task.label) if place is None else (place, str(place))
+        beside = formats.open_windows(path, label, recording=place is None, scans=False)
+        about = stack.enter_context(closing(beside))
         recording = about.head
         assert isinstance(recording, Recording)
         announce_compilation()

@@ -62,8 +62,8 @@ class Task:
 def _read(task: Task) -> tuple[str, list[str]]:
     """The kind of a record that is sound, and what the contract allows but is hardly meant."""
     kinds, oddities = [], list[str]()
-    for carried in (False, True):
-        with closing(formats.open_windows(Path(task.label), carried=carried)) as windows:
+    for recording in (False, True):
+        with closing(formats.open_windows(Path(task.label), recording=recording)) as windows:
             scans: Counter[str] = Counter()
             for window in share(windows, windows) if task.show else windows:
                 for name, stream in getattr(window, "streams", {}).items():
@@ -81,7 +81,7 @@ def _read(task: Task) -> tuple[str, list[str]]:
                     for name in windows.head.streams
                     if not scans[name]
                 ]
-            if not windows.carries:
+            if not windows.has_recording:
                 break
     return kinds[0], oddities
 

@@ -16,7 +16,7 @@ import numpy as np
 from echoset.estimators.presets import presets
 from echoset.estimators.run import Estimation
 from echoset.formats.importers import autoferry
-from echoset.formats.steps import concatenate
+from echoset.formats.windows import concatenate
 from echoset.metrics.gospa import Params, gospa
 from echoset.metrics.kit.assignment import assign
 from echoset.metrics.kit.series import mean_stderr

@@ -24,7 +24,7 @@ import yaml
 
 from echoset.estimators.gsncp import dbscan, di_gsncp, oracle
 from echoset.estimators.gsncp.chain import sample
-from echoset.formats.steps import concatenate
+from echoset.formats.windows import concatenate
 from echoset.metrics.ospa_gw import Params as Metric
 from echoset.metrics.ospa_gw import score
 from echoset.models.parameters import resolve, sensor_model

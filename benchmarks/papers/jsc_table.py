@@ -37,7 +37,7 @@ from echoset.estimators.maps.detector import SHIPPED
 from echoset.formats import scores as archive
 from echoset.formats.atomic import atomic
 from echoset.formats.provenance import versions
-from echoset.formats.steps import concatenate as join
+from echoset.formats.windows import concatenate as join
 from echoset.metrics.kit.table import concatenate
 from echoset.metrics.pooling import pool
 from echoset.models.parameters import as_dict, resolve

@@ -18,7 +18,8 @@ import numpy as np
 from ...models.errors import FormatError, ParameterError
 from ...models.records import Scores
 from ...models.words import Words, words
-from .text import COLUMNS, NAMES, NUMBERS, from_csv, from_json, json_object, to_csv, to_json
+from ..plain_json import json_object
+from .text import COLUMNS, NAMES, NUMBERS, from_csv, from_json, to_csv, to_json
 
 SUFFIXES = {".csv": "csv", ".json": "json", ".h5": "h5", ".hdf5": "h5"}
 Target = Path | IO[bytes]
@@ -92,10 +93,10 @@ def _check(scores: Scores, path: object) -> None:
 
 
 def _to_h5(scores: Scores) -> Iterator[bytes]:
-    from ..hdf5.writer import TreeWriter
+    from ..hdf5.writer import LeafWriter
 
     data = io.BytesIO()
-    out = TreeWriter(data)
+    out = LeafWriter(data)
     lists = {name: list(dict.fromkeys(getattr(scores, name))) for name in NAMES}
     try:
         out.put("kind", "scores")
@@ -115,22 +116,22 @@ def _to_h5(scores: Scores) -> Iterator[bytes]:
 
 
 def _read_h5(data: bytes, path: object) -> Scores:
-    from ..hdf5.reader import TreeReader
+    from ..hdf5.reader import LeafReader
 
-    reader = TreeReader(io.BytesIO(data), path)
+    reader = LeafReader(io.BytesIO(data), path)
     try:
-        tree = reader.read(list(reader.leaves))
+        found: dict[str, Any] = reader.read(list(reader.leaves))
     finally:
         reader.file.close()
-    if tree.get("kind") != "scores":
-        raise FormatError(path, "kind", f"{tree.get('kind')!r}, not scores")
+    if found.get("kind") != "scores":
+        raise FormatError(path, "kind", f"{found.get('kind')!r}, not scores")
     try:
-        lists = json_object(tree["names"], path)
-        recording, estimator, metric, part = (_named(lists[x], tree[x]) for x in NAMES)
+        lists = json_object(found["names"], path)
+        recording, estimator, metric, part = (_named(lists[x], found[x]) for x in NAMES)
         time, value, n, stderr = (
-            np.asarray(tree[x]).astype("i8" if x == "n" else "f8", casting="safe") for x in NUMBERS
+            np.asarray(found[x]).astype("i8" if x == "n" else "f8", casting="safe") for x in NUMBERS
         )
-        provenance = json_object(tree["provenance"], path)
+        provenance = json_object(found["provenance"], path)
         return Scores(recording, estimator, metric, part, time, value, n, stderr, provenance)
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise FormatError(path, "columns", f"not a table of scores: {error}") from None

@@ -17,7 +17,7 @@ from ...models.errors import FormatError
 from ...models.records import Scores
 from ...models.words import words
 from ..foreign import hint
-from ..plain_json import parse
+from ..plain_json import json_object
 
 NAMES = ("recording", "estimator", "metric", "part")
 NUMBERS = ("time", "value", "n", "stderr")
@@ -113,14 +113,6 @@ def to_json(scores: Scores) -> Iterator[bytes]:
         yield (comma + ",\n".join(lines)).encode()
         comma = ",\n"
     yield b"\n]}\n"
-
-
-def json_object(text: str, path: object) -> dict[str, Any]:
-    """The JSON object that ``text`` is."""
-    value = parse(text, path)
-    if not isinstance(value, dict):
-        raise FormatError(path, "line 1", "not a JSON object")
-    return value
 
 
 def from_json(text: str, path: object) -> Scores:

@@ -11,8 +11,8 @@ from math import pi
 
 import numpy as np
 
-from ..place import Place
 from ..records import Array, Stream
+from ..where import Where
 
 PLANE = ("cov_xx", "cov_xy", "cov_yy")
 SPACE = (*PLANE, "cov_xz", "cov_yz", "cov_zz")
@@ -23,7 +23,7 @@ SPREAD = 6.0
 """Standard deviations of the noise that it may stand outside."""
 
 
-def check_detections(stream: Stream, at: Place) -> None:
+def check_detections(stream: Stream, at: Where) -> None:
     """Raise :class:`FormatError` unless covariances are such and the views hold the detections.
 
     Maps must have their axes.
@@ -38,7 +38,7 @@ def check_detections(stream: Stream, at: Place) -> None:
         _check_axes(stream, at)
 
 
-def _check_covariance(stream: Stream, at: Place) -> None:
+def _check_covariance(stream: Stream, at: Where) -> None:
     """All entries there, and positive definite: by Sylvester's criterion on the correlations."""
     rows = stream.rows
     solid = any(key in rows for key in SPACE[3:])
@@ -56,7 +56,7 @@ def _check_covariance(stream: Stream, at: Place) -> None:
     (at / "rows/cov_xx").none(~good, rows["cov_xx"], reason)
 
 
-def _check_view(stream: Stream, at: Place) -> None:
+def _check_view(stream: Stream, at: Where) -> None:
     """Bounds in order, and every detection inside those of its scan."""
     n, counts = len(stream), np.diff(stream.row_offset)
 
@@ -80,7 +80,7 @@ def _check_view(stream: Stream, at: Place) -> None:
     (at / f"rows/{keys[1]}").none(beside, stream.rows[keys[1]], "is beside the view's azimuths")
 
 
-def _check_axes(stream: Stream, at: Place) -> None:
+def _check_axes(stream: Stream, at: Where) -> None:
     """Both axes of a map: even steps upwards, as many values as the map has along them."""
     shape = []
     for name, limit in (("range_axis", np.inf), ("azimuth_axis", 2 * pi)):

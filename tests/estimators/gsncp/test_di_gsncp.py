@@ -9,7 +9,7 @@ import pytest
 
 from echoset.estimators.gsncp import dbscan, di_gsncp, oracle
 from echoset.estimators.gsncp.output import Labels
-from echoset.formats.steps import concatenate
+from echoset.formats.windows import concatenate
 from echoset.metrics import ospa_gw
 from echoset.models import extent
 from echoset.models.checks import check, check_objects, check_steps

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from echoset.formats.steps import part
+from echoset.formats.windows import part
 from echoset.metrics.beside import TruthWindow
 from echoset.metrics.kit.measured import Measured, finish
 from echoset.metrics.run import MetricRun

@@ -1,7 +1,8 @@
-"""Places in a record, which checks speak of."""
+"""Places in a record, of which checks speak."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn
@@ -11,16 +12,19 @@ import numpy as np
 from .errors import FormatError
 from .records import Array
 
+_HIDDEN = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters, those that turn the direction of a text, and halves of characters."""
+
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Where:
     """A dataset or group ``name`` in the record ``path``: its checks fail with that name."""
 
     path: object
     name: str
 
-    def __truediv__(self, name: str) -> Place:
-        return Place(self.path, f"{self.name}/{name}")
+    def __truediv__(self, name: str) -> Where:
+        return Where(self.path, f"{self.name}/{name}")
 
     def fail(self, reason: str, *index: object) -> NoReturn:
         where = f"{self.name}[{', '.join(map(str, index))}]" if index else self.name
@@ -35,8 +39,18 @@ class Place:
         """Fail unless ``value`` is a tuple of (different) strings."""
         if not isinstance(value, tuple) or not all(isinstance(word, str) for word in value):
             self.fail("must be a tuple of strings")
+        for word in value:
+            self.text(word)
         if unique and len(set(value)) < len(value):
             self.fail("names something twice")
+
+    def text(self, value: object) -> None:
+        """Fail unless ``value`` is a text that can be shown as it is."""
+        if not isinstance(value, str):
+            self.fail(f"must be a text, not {type(value).__name__}")
+        found = _HIDDEN.search(value)
+        if found:
+            self.fail(f"holds the character {found[0]!a}, which cannot be shown")
 
     def group(self, value: object) -> None:
         """Fail unless ``value`` is a mapping."""
@@ -76,9 +90,8 @@ class Place:
         bad[1:] = values[1:] <= values[:-1] if strictly else values[1:] < values[:-1]
         self.none(bad, values, "is out of order")
 
-    def probability(self, values: object, shape: tuple[int, ...]) -> None:
+    def probability(self, p: Array) -> None:
         """Fail at the first value outside [0, 1]."""
-        p = self.array(values, "f8", shape)
         self.none((p < 0) | (p > 1), p, "is not a probability")
 
     def unit(self, values: Array) -> None:

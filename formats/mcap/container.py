@@ -1,4 +1,4 @@
-"""The records of MCAP files, read within bounds that a file cannot set itself.
+"""The records and the end of MCAP files, read within bounds that a file cannot set itself.
 
 The library parses the records; but it trusts the lengths that stand inside them, and decompresses
 chunks without a limit.
@@ -6,6 +6,7 @@ chunks without a limit.
 
 from __future__ import annotations
 
+import json
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -18,6 +19,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
+    AttachmentIndex,
     Channel,
     Chunk,
     DataEnd,
@@ -35,6 +37,11 @@ _ALLOWANCE, _RATIO = 1 << 26, 64
 """Bytes that chunks may hold in all, and how many more for each that they take in the file."""
 _MAX_NAMES = 1 << 17
 """Channels and schemas: all that have numbers, twice."""
+
+HEADER, TRAILER = "echoset/header.json", "echoset"
+"""Names of the attachment that begins a record, and of the metadata that end a file."""
+
+FOREIGN = "not a file of echoset (logs of others are read by convert --from)"
 
 Part = Channel | Message | Attachment | Metadata
 MAGIC = b"\x89MCAP0\r\n"
@@ -161,35 +168,68 @@ class Records:
             at += length
 
 
-def metadata(source: IO[bytes], name: str) -> dict[str, str] | None:
-    """The metadata record ``name``, found by the summary of a file that can seek.
+def ending(source: IO[bytes]) -> tuple[bytes, dict[str, str]]:
+    """Header of the first record, as JSON, and trailer of a file that can seek, by its summary.
+
+    A file without one, or whose summary does not name them, is searched for them.
 
     Raises
     ------
-    ValueError, struct.error, McapError, OSError : the file has no sound summary
+    ValueError, struct.error, McapError, OSError : it is not complete, or not one of ours
     """
-    end = source.seek(-_FOOTER.size - len(MAGIC), 2)
-    op, size, start, *_ = _FOOTER.unpack(source.read(_FOOTER.size))
-    if (op, size) != (Opcode.FOOTER, 20) or not 0 < start <= end or source.read(8) != MAGIC:
+    begin = source.tell()
+    end = source.seek(0, 2) - len(MAGIC) - _FOOTER.size
+    closing = _bytes(source, begin, end, _FOOTER.size + len(MAGIC))
+    op, size, start, _, crc = _FOOTER.unpack(closing[: _FOOTER.size])
+    if (op, size) != (Opcode.FOOTER, 20) or closing[_FOOTER.size :] != MAGIC:
         raise ValueError("does not end as MCAP does")
+    summary = _bytes(source, begin, begin + start, end - begin - start) if start else b""
+    if crc and zlib.crc32(summary + closing[: _FOOTER.size - 4]) != crc:
+        raise ValueError("the checksum of the summary does not fit")
+    found: dict[str, Any] = {}
+    for kind, content in _records(summary):
+        if kind in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
+            index_of: Any = AttachmentIndex if kind == Opcode.ATTACHMENT_INDEX else MetadataIndex
+            index = index_of.read(ReadDataStream(BytesIO(content)))
+            if index.name in (HEADER, TRAILER) and index.name not in found:
+                data = _bytes(source, begin, begin + index.offset, index.length)
+                record: Any = Attachment if index.name == HEADER else Metadata
+                found[index.name] = record.read(ReadDataStream(BytesIO(data[_HEAD.size :])))
+    if len(found) < 2:
+        source.seek(begin)
+        for part in Records(source):
+            if isinstance(part, Attachment | Metadata) and part.name in (HEADER, TRAILER):
+                found.setdefault(part.name, part)
+    if len(found) < 2:
+        raise ValueError(FOREIGN)
+    return found[HEADER].data, found[TRAILER].metadata
+
+
+def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
+    start = 0
+    while start < len(data):
+        kind, size = _HEAD.unpack_from(data, start)
+        start += _HEAD.size
+        yield kind, data[start : start + size]
+        start += size
+
+
+def _bytes(source: IO[bytes], begin: int, start: int, size: int) -> bytes:
+    """A part of a file that begins at ``begin``."""
+    if start < begin or not 0 <= size <= RECORD:
+        raise ValueError(f"a part of {size} bytes at byte {start}")
     source.seek(start)
-    while source.tell() < end:
-        op, content = _record(source)
-        if op == Opcode.METADATA_INDEX:
-            index = MetadataIndex.read(ReadDataStream(BytesIO(content)))
-            if index.name == name:
-                source.seek(index.offset)
-                if (found := _record(source))[0] != Opcode.METADATA:
-                    raise ValueError("the summary does not fit the content")
-                return dict(Metadata.read(ReadDataStream(BytesIO(found[1]))).metadata)
-    return None
+    data = source.read(size)
+    if len(data) < size:
+        raise ValueError("ends in the middle of a record")
+    return data
 
 
-def _record(source: IO[bytes]) -> tuple[int, bytes]:
-    op, size = _HEAD.unpack(source.read(_HEAD.size))
-    if size > RECORD or len(content := source.read(size)) < size:
-        raise ValueError(f"a record of {size} bytes")
-    return op, content
+def value(text: str | bytes) -> Any:
+    """The value of a JSON text that is not too long to be decoded."""
+    if len(text) > MESSAGE:
+        raise ValueError(f"a text of {len(text)} characters")
+    return json.loads(text)
 
 
 def _message(content: bytes) -> Message:
