@@ -31,6 +31,7 @@ from ....models.parameters import parameter, require, suggestion
 from ....models.records import Meta, Recording, Sensor, Stream
 from ....models.registry import parameters
 from . import columns, truth
+from .align import align
 from .log import Log
 from .mapping import MATLAB, MEASUREMENT, OPTIONAL, UNUSED, Mapping, Tables, load
 from .radar import radar
@@ -89,6 +90,13 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
             if stream in streams:
                 raise ParameterError(f"streams.{name}: a second stream {stream!r}")
         streams |= found
+    aligned: dict[str, Any] = {}
+    if true is not None and mapping.truth.get("align"):
+        uwb_streams = [stream for stream in streams.values() if stream.kind == "uwb"]
+        if len(uwb_streams) != 1:
+            raise InputError("truth: align needs one stream of ranges")
+        true, aligned = align(true, uwb_streams[0], sensors, mapping.truth["align"])
+        _log.warning("%s: the truth was fitted to the ranges: %s", paths[0], _fitted(aligned))
     sensors, streams = _named(sensors, streams)
     provenance = {
         "importer": "csv",
@@ -97,6 +105,8 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     }
     if tables.skipped:
         provenance["left_out"] = tables.skipped
+    if aligned:
+        provenance["truth_aligned"] = aligned
     meta = Meta(paths[0].stem, mapping.epoch, provenance=provenance)
     recording = Recording(meta, sensors, streams, true)
     check(recording, paths[0])
@@ -157,6 +167,14 @@ def _rows(name: str, mapping: Mapping, path: Path, tables: Tables, several: bool
     own = [tables.folder / file for file in more]
     files = [tables.file(file) for file in (own if several and own else [path, *own])]
     return tables.table(files, mapping, found, where)
+
+
+def _fitted(found: dict[str, Any]) -> str:
+    x, y = found["translation"]
+    return (
+        f"turned by {np.degrees(found['rotation']):.2f} degrees, shifted by ({x:.3f}, {y:.3f}) m "
+        f"and {found['delay']:.3f} s, {found['fitted']} numbers from {found['ranges']} ranges"
+    )
 
 
 def _check_model(model: abc.Mapping[str, Any], path: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from ....models.errors import ParameterError
 from ....models.parameters import require, resolve
 from ....models.records import Array, Objects, Truth
+from .align import MODES
 from .log import Log, loose
 from .mapping import Tables
 from .reading import Reading
@@ -27,12 +28,14 @@ class TruthReading(Reading):
 
     labels: Any = field(default_factory=dict)
     repeats: str = "error"
+    align: str = ""
     clock: Any = field(default_factory=dict)
     transform: Any = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         Reading.__post_init__(self)
         require(self.repeats in REPEATS, "repeats", f"one of {' '.join(REPEATS)}", self.repeats)
+        require(self.align in MODES, "align", "rigid, time or both", self.align)
         ok = isinstance(self.labels, Mapping) and all(
             isinstance(v, int) and not isinstance(v, bool) and v >= 0 for v in self.labels.values()
         )
