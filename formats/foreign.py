@@ -16,7 +16,7 @@ def hint(source: object) -> str:
     """``: try ...``, the command to type for what is no file of ours, or where to look for one.
 
     An importer may have ``recognises(path, head)``, which says of a file or folder, from its first
-    bytes, whether it would read it, and ``general``, which lets others come first.
+    bytes, whether it would read it, and ``GENERAL``, by which others come first.
     """
     path = Path(str(source))
     if path.suffix in _OURS or not (path.is_file() or path.is_dir()):
