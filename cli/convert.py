@@ -27,7 +27,7 @@ def _propose(importer: str | None, inputs: tuple[str, ...], output: str | None) 
 @click.option(
     "-o",
     "--output",
-    type=click.Path(allow_dash=True),
+    type=options.PATH,
     help="File, folder (with a slash at the end) or - for stdout.",
 )
 @options.data_format

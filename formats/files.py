@@ -8,6 +8,7 @@ is done with files follows from them here. One that knows whole records only has
 from __future__ import annotations
 
 import io
+import stat
 import sys
 from collections.abc import Iterator
 from contextlib import closing
@@ -132,6 +133,8 @@ def _identify(source: Target, path: object) -> tuple[Any, str]:
         if isinstance(source, Path):
             if source.is_dir():
                 raise FormatError(path, "", f"Is a directory{hint(source)}")
+            if stat.S_ISFIFO(source.stat().st_mode):
+                raise FormatError(path, "", "is a pipe: it can be read only once")
             with source.open("rb") as file:
                 head = file.read(8)
         elif source.seekable():
