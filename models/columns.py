@@ -138,8 +138,8 @@ META = (
           "simulations"),
     _leaf("frame", TEXT, meaning="name of the map's frame"),
     _leaf("origin", TEXT, meaning="where the map's origin lies on Earth, free text, may be empty"),
-    _hidden("provenance", TEXT, "", "", "a JSON object with sorted keys: where the record comes "
-            "from, see [](reproducibility.md)"),
+    _hidden("provenance", TEXT, "", "", "a JSON object of plain data with sorted keys: where "
+            "the record comes from, see [](reproducibility.md)"),
 )  # fmt: skip
 
 SENSOR = (

@@ -11,8 +11,10 @@ class EchosetError(Exception):
     exit_code = 1
 
     def __str__(self) -> str:
-        """The message on one line of bearable length, whatever it quotes."""
+        """The message on one line of bearable length, what cannot be shown escaped."""
         text = " ".join(super().__str__().split())
+        if not text.isprintable():
+            text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
         return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
