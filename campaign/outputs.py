@@ -12,7 +12,7 @@ from shutil import copyfileobj
 from tempfile import TemporaryDirectory
 from typing import IO
 
-from ..models.errors import OutputError, ParameterError
+from ..models.errors import OutputError, ParameterError, shown
 from . import exits
 
 DASH = "-"
@@ -85,8 +85,9 @@ def _stdout() -> Iterator[IO[bytes]]:
 
 
 def say(line: str) -> None:
-    """Write a line of text to stdout."""
-    Target(None, "text").write_text(line + "\n")
+    """Write lines of text to stdout, what cannot be shown escaped, such as in names of files."""
+    lines = map(shown, line.split("\n"))
+    Target(None, "text").write_text("\n".join(lines) + "\n")
 
 
 def single(output: str, form: str, overwrite: bool = False) -> Target:

@@ -130,8 +130,14 @@ def _optional(path: str, type: str, shape: str = "", unit: str = "", meaning: st
     return Leaf(path, type, tuple(shape.split()), unit, meaning, optional=True)
 
 
-META = (
-    _hidden("kind", TEXT, "", "", "`recording` or `estimates`"),
+MODEL = (
+    "p_detect", "clutter_rate", "std_position", "std_range", "std_azimuth", "max_range",
+    "mean_clutter", "mean_scatter", "mean_los", "rms_bandwidth", "amplitude_threshold", "sigma",
+    "range_bias_std",
+)  # fmt: skip
+"""Entries of sensor models that are numbers and not negative."""
+
+META = (    _hidden("kind", TEXT, "", "", "`recording` or `estimates`"),
     _leaf("name", TEXT, meaning="base name of the recording, the same for its estimates; keys "
           "random streams and fills the column `recording` of scores"),
     _leaf("epoch", TEXT, meaning="what times count from, ISO 8601; `1970-01-01T00:00:00Z` for "

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 _LONGEST = 500
+HIDDEN = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters, those that turn the direction of a text, and halves of characters."""
+
+
+def shown(text: str) -> str:
+    """``text`` with what cannot be shown on one line as Python writes it."""
+    return HIDDEN.sub(lambda found: ascii(found[0])[1:-1], text)
 
 
 class EchosetError(Exception):
@@ -13,8 +22,7 @@ class EchosetError(Exception):
     def __str__(self) -> str:
         """The message on one line of bearable length, what cannot be shown escaped."""
         text = " ".join(super().__str__().split())
-        if not text.isprintable():
-            text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+        text = shown(text)
         return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import inf
 from typing import Any
 
@@ -115,7 +115,7 @@ def regions(recording: Recording, estimates: Iterable[Estimates]) -> dict[str, A
     """Corners (v, 2) of the regions that estimates or the scenario counted in, by name."""
     for meta in (*(e.meta for e in estimates), recording.meta):
         known = meta.provenance.get("parameters", {}).get("regions")
-        if known:
+        if known and isinstance(known, Mapping | Sequence):
             named = known.items() if isinstance(known, Mapping) else enumerate(known, 1)
             return {f"region {n}" if isinstance(n, int) else n: c for n, c in _polygons(named)}
     return {}

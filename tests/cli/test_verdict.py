@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import subprocess
 from dataclasses import replace
 
@@ -55,3 +56,17 @@ def test_broken_truth_is_refused_by_every_command(run, broken, words, tmp_path):
     assert result.code == 4 and result.err.count("\n") == 1, result
     assert "semi_axes[3, 0]" in result.err or "only MCAP" in result.err
     assert not list((tmp_path / "out").iterdir())
+
+
+@pytest.mark.parametrize("name", [b"a\xffb.h5", b"a\x1b[31mb.h5", b"a\nb.h5"])
+def test_names_of_files_are_shown_escaped(run, rec, tmp_path, name):
+    path = tmp_path / os.fsdecode(name)
+    path.write_bytes(rec.read_bytes())
+    shown = r"a\udcffb.h5" if b"\xff" in name else None
+    for words in (("info",), ("info", "--json"), ("validate",)):
+        result = run(*words, path)
+        assert result.code == 0 and "\x1b" not in result.out and result.err == ""
+        assert shown is None or shown in result.out
+    path.write_bytes(b"\x89HDF\r\n\x1a\n")
+    result = run("validate", path)
+    assert result.code == 4 and "\x1b" not in result.err and result.err.count("\n") == 1
