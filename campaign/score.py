@@ -14,11 +14,11 @@ from ..metrics import pooling
 from ..metrics import segments as spans
 from ..metrics.beside import TruthWindow, is_one_object
 from ..metrics.gate import Gate
-from ..metrics.kit.table import concatenate
-from ..metrics.run import GROUP, MetricRun
+from ..metrics.protocol import GROUP, load
+from ..metrics.run import MetricRun
 from ..models import registry
 from ..models.errors import InputError, ParameterError
-from ..models.parameters import Layer, as_dict, suggestion
+from ..models.parameters import Layer, suggestion
 from ..models.records import Estimates, Recording, Scores
 from . import exits, inputs, log, progress, truth
 from .batch.execution import Execution
@@ -49,12 +49,12 @@ class Task:
         return inputs.label(self.source)
 
     @property
-    def sources(self) -> tuple[str]:
-        """The estimates."""
-        return (self.source,)
+    def sources(self) -> tuple[str, ...]:
+        """The estimates, and the recordings or folders of them."""
+        return self.source, *self.truth
 
     def placed(self, execution: Execution) -> Task:
-        """The task for those who do it."""
+        """The task with the paths of the workers."""
         source, places = execution.place(self.source), execution.places(self.truth)
         return replace(self, source=source, truth=places)
 
@@ -104,10 +104,8 @@ def score(task: Task) -> Scores:
     kept = [table for table in tables if table is not None]
     if not kept:
         raise refused[0]
-    used = {
-        m.name: as_dict(m.params) for m, t in zip(running, tables, strict=True) if t is not None
-    }
-    return replace(concatenate(kept), provenance={"metrics": used, "versions": versions()})
+    used = {name: p for t in kept for name, p in t.provenance["metrics"].items()}
+    return replace(Scores.join(kept), provenance={"metrics": used, "versions": versions()})
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,11 +116,15 @@ class Table(Whole[Scores]):
     """
 
     target: Target = field()
-    metrics: tuple[str, ...]
     segments: tuple[tuple[float, float], ...]
     pool: bool
     gates: tuple[Gate, ...]
     config: str | None
+
+    @property
+    def inputs(self) -> tuple[str | None]:
+        """The file of parameters."""
+        return (self.config,)
 
     def sources(self, tasks: Sequence[Task]) -> list[str | None]:
         """Estimates, then the recordings that they were made from, then the parameters."""
@@ -131,12 +133,11 @@ class Table(Whole[Scores]):
 
     def finish(self, results: list[Scores]) -> int:
         """Write it, and tell which gates it does not pass."""
-        quadratic = {q for name in self.metrics for q in registry.load(GROUP, name).QUADRATIC}
-        table = concatenate(results)
+        table = Scores.join(results)
         if self.segments:
-            table = spans.segments(table, self.segments, quadratic)
+            table = spans.segments(table, self.segments)
         if self.pool:
-            table = concatenate([table, pooling.pool(table, quadratic)])
+            table = Scores.join([table, pooling.pool(table)])
         failures = [line for gate in self.gates for line in gate.failures(table)]
         with self.target.open() as opened:
             files.write(table, opened, self.target.format)
@@ -181,13 +182,13 @@ def _whole(source: Path, place: Path | None, label: str) -> tuple[Estimates, Rec
 
 
 def layers(names: Iterable[str], user: Iterable[Layer]) -> Layers:
-    """The user's layers for each metric: what is said for all, then for it by ``<metric>.<name>``.
+    """The user's layers for each metric: those for all, then its own by ``<metric>.<name>``.
 
     Raises
     ------
     ParameterError : an unknown metric, or a parameter that none of the metrics has
     """
-    fields = {name: set(registry.load(GROUP, name).Params.__dataclass_fields__) for name in names}
+    fields = {name: set(load(name).Params.__dataclass_fields__) for name in names}
     found: dict[str, list[Layer]] = {name: [] for name in fields}
     metrics, parameters = set(registry.names(GROUP)), set[str]().union(*fields.values())
     for source, values in user:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -42,7 +43,7 @@ def _path(label: str, name: str, making: Making, places: Sequence[str]) -> Path:
 
 def _candidates(places: Iterable[str], names: tuple[str, ...]) -> Iterator[Path]:
     for place in map(Path, places):
-        if place.is_dir():
+        if os.path.isdir(place):
             files = (p for p in place.iterdir() if p.is_file() and not p.name.startswith("."))
             yield from sorted(files, key=lambda p: (not any(map(p.stem.startswith, names)), p.name))
         else:

@@ -43,7 +43,7 @@ class TruthWindow:
         return replace(self._head, truth=Truth(here))
 
     def rest(self) -> None:
-        """Read what is left, which verifies it."""
+        """Read the remaining windows, which verifies them."""
         deque(self._windows, maxlen=0)
 
 

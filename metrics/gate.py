@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from ..models.errors import ParameterError
 from ..models.parameters import suggestion
 from ..models.records import Scores
+from .kit.table import keys
 
 _RELATIONS = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 _GATE = re.compile(r"\s*([^\s:<>=]+)(?::([^<>\s]*))?\s*(>=|<=|>|<)\s*(\S+)\s*")
@@ -49,21 +50,15 @@ class Gate:
         ------
         ParameterError : there is no such score
         """
-        rows = [
-            i
-            for i, time in enumerate(scores.time.tolist())
-            if math.isnan(time)
-            and scores.metric[i] == self.metric
-            and self.part in (None, scores.part[i])
-        ]
-        if not rows:
+        rows = scores.where(metric=self.metric, part=self.part, timed=False)
+        if not len(rows):
             known = {f"{m}:{p}" for m, p in zip(scores.metric, scores.part, strict=True)}
             hint = suggestion(f"{self.metric}:{self.part or ''}", known)
             raise ParameterError(f"--fail-if {self.text}: there is no such score{hint}")
-        pooled = [i for i in rows if scores.recording[i] == "*"]
+        pooled = rows.where(recording="*")
+        told = pooled if len(pooled) else rows
         return [
-            f"{scores.recording[i]} {scores.estimator[i]} {scores.metric[i]}:{scores.part[i]} is "
-            f"{scores.value[i]:g} ({self.text.strip()})"
-            for i in pooled or rows
-            if _RELATIONS[self.relation](scores.value[i], self.limit)
+            f"{' '.join(name[:3])}:{name[3]} is {value:g} ({self.text.strip()})"
+            for name, value in zip(keys(told), told.value.tolist(), strict=True)
+            if _RELATIONS[self.relation](value, self.limit)
         ]

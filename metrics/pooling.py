@@ -1,10 +1,10 @@
 """Scores of recordings pooled into scores of a campaign, with standard errors over recordings.
 
 Rows of equal estimator, metric, part and time become one row whose ``n`` is the number of
-recordings. Metrics that are roots of mean squares (``quadratic``) are pooled as such, all others
+recordings. Metrics that are roots of mean squares (:func:`is_rms`) are pooled as such, all others
 by their mean; in an aggregate each recording weighs with its ``n``, so that fractions and roots of
-mean squares are those over all steps of all recordings. From the rows per time of a quadratic
-metric ``m`` comes ``m-mean``: the mean over time of the pooled values.
+mean squares are those over all steps of all recordings. From the rows per time of such a metric
+``m`` comes ``m-mean``: the mean over time of the pooled values.
 
 Standard errors are those of :data:`RESAMPLES` resamples of the recordings, the same for every row.
 A single recording keeps its own.
@@ -12,24 +12,33 @@ A single recording keeps its own.
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
+from ..models import registry
 from ..models.errors import InputError
 from ..models.names import scenario
 from ..models.records import Array, Scores
 from .kit.bootstrap import recording_weights
-from .kit.table import Key, concatenate, groups, rows
+from .kit.table import Key, groups, rows
+from .protocol import GROUP, load
 
-QUADRATIC = ("rmse", "pcrlb", "pcrlb-star")
 RESAMPLES = 1000
 
 
-def pool(
-    scores: Scores, quadratic: Collection[str] = QUADRATIC, by_scenario: bool = False
-) -> Scores:
+def is_rms(name: str) -> bool:
+    """Whether rows called ``name`` are roots of mean squares: so says the metric they are of."""
+    return name in _rms_names()
+
+
+@cache
+def _rms_names() -> frozenset[str]:
+    return frozenset(row for name in registry.names(GROUP) for row in load(name).QUADRATIC)
+
+
+def pool(scores: Scores, by_scenario: bool = False) -> Scores:
     """Pool ``scores`` over recordings: ``recording`` is ``*``, or ``<scenario>-*``.
 
     Rows that are pooled already pass unchanged, without those that are found anew.
@@ -43,15 +52,17 @@ def pool(
     names = list(zip(pools, scores.estimator, scores.metric, scores.part, strict=True))
     raw, tables = np.flatnonzero(~done), []
     for key, members in groups([names[i] for i in raw]).items():
-        tables += _pool_rows(scores, raw[members], key, key[2] in quadratic)
-    fresh = concatenate(tables)
+        tables += _pool_rows(scores, raw[members], key)
+    fresh = Scores.join(tables)
     facts = set(_facts(fresh))
     ready = [i for i, fact in enumerate(_facts(scores)) if done[i] and fact not in facts]
-    return replace(concatenate([fresh, scores.select(ready)]), provenance=scores.provenance)
+    return replace(
+        Scores.join([fresh, scores.take(np.array(ready, int))]), provenance=scores.provenance
+    )
 
 
 def _facts(scores: Scores) -> list[tuple[object, ...]]:
-    """What each row says of whatever recording; the time as text, so that NaN equals NaN."""
+    """Each row without its recording; the time as text, so that NaN equals NaN."""
     times = map(repr, scores.time.tolist())
     numbers = times, scores.value.tolist(), scores.n.tolist()
     return list(zip(scores.estimator, scores.metric, scores.part, *numbers, strict=True))
@@ -60,26 +71,26 @@ def _facts(scores: Scores) -> list[tuple[object, ...]]:
 _UNKNOWN = np.full(1, np.nan)
 
 
-def _pool_rows(scores: Scores, indices: Array, key: Key, square: bool) -> list[Scores]:
+def _pool_rows(scores: Scores, indices: Array, key: Key) -> list[Scores]:
     """The rows ``indices`` of equal names as pooled rows: per time, aggregate, mean over time."""
-    time = scores.time[indices]
+    time, rms = scores.time[indices], is_rms(key[2])
     tables = []
     timed = ~np.isnan(time)
     if timed.any():
         times = np.unique(time[timed])
         value, weight, own = _matrix(scores, indices[timed], np.searchsorted(times, time[timed]))
         seen = weight > 0
-        pooled, resampled = _means(value, seen, square)
+        pooled, resampled = _means(value, seen, rms)
         spread = _spread(resampled, seen.sum(0), own.sum(0))
         tables.append(rows(key, times, pooled, seen.sum(0), spread))
-        if square:
+        if rms:
             mean = key[0], key[1], f"{key[2]}-mean", key[3]
             spread = _spread(np.nanmean(resampled, 1)[:, None], np.array([len(value)]), _UNKNOWN)
             tables.append(rows(mean, np.nan, pooled.mean(), len(value), spread))
     if not timed.all():
         zero = np.zeros((~timed).sum(), int)
         value, weight, own = _matrix(scores, indices[~timed], zero)
-        pooled, resampled = _means(value, weight, square)
+        pooled, resampled = _means(value, weight, rms)
         spread = _spread(resampled, np.array([len(value)]), own[0])
         tables.append(rows(key, np.nan, pooled, len(value), spread))
     return tables
@@ -105,12 +116,12 @@ def _matrix(scores: Scores, indices: Array, column: Array) -> tuple[Array, Array
     return value, weight, own
 
 
-def _means(value: Array, weight: Array, square: bool) -> tuple[Array, Array]:
+def _means(value: Array, weight: Array, rms: bool) -> tuple[Array, Array]:
     """Weighted means over recordings (K,), and those of every resample (B, K).
 
     About the largest value, so that the mean of equal values is exact.
     """
-    power = value**2 if square else value
+    power = value**2 if rms else value
     base = power.max(axis=0, where=weight > 0, initial=-np.inf)
     excess = np.where(weight > 0, (power - base) * weight, 0.0)
     draws = np.vstack([np.ones(len(value)), recording_weights(len(value), RESAMPLES)])
@@ -118,7 +129,7 @@ def _means(value: Array, weight: Array, square: bool) -> tuple[Array, Array]:
     means = base + np.divide(
         draws @ excess, total, out=np.full(total.shape, np.nan), where=total > 0
     )
-    means = np.sqrt(means) if square else means
+    means = np.sqrt(means) if rms else means
     return means[0], means[1:]
 
 

@@ -131,9 +131,8 @@ def _optional(path: str, type: str, shape: str = "", unit: str = "", meaning: st
 
 
 MODEL = (
-    "p_detect", "clutter_rate", "std_position", "std_range", "std_azimuth", "max_range",
-    "mean_clutter", "mean_scatter", "mean_los", "rms_bandwidth", "amplitude_threshold", "sigma",
-    "range_bias_std",
+    "p_detect", "clutter_rate", "max_range", "mean_clutter", "mean_scatter", "mean_los",
+    "rms_bandwidth", "amplitude_threshold", "sigma", "range_bias_std",
 )  # fmt: skip
 """Entries of sensor models that are numbers and not negative."""
 

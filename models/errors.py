@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import re
 
-_LONGEST = 500
-HIDDEN = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Control characters, those that turn the direction of a text, and halves of characters."""
-
-
-def shown(text: str) -> str:
-    """``text`` with what cannot be shown on one line as Python writes it."""
-    return HIDDEN.sub(lambda found: ascii(found[0])[1:-1], text)
+_LONGEST, _END = 500, 100
 
 
 class EchosetError(Exception):
@@ -20,10 +13,9 @@ class EchosetError(Exception):
     exit_code = 1
 
     def __str__(self) -> str:
-        """The message on one line of bearable length, what cannot be shown escaped."""
+        """The message on one line of bearable length, whatever it quotes."""
         text = " ".join(super().__str__().split())
-        text = shown(text)
-        return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+        return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}...{text[-_END:]}"
 
 
 class ParameterError(EchosetError):
@@ -72,3 +64,16 @@ class UnavailableError(EchosetError):
     """A lock is held, or a cluster cannot be reached: the command may be tried again later."""
 
     exit_code = 75
+
+
+_OUT_OF_RANGE = re.compile(
+    "too large|cannot convert (float|complex)|infs or NaNs|negative dimensions|scale < 0|Singular"
+    "|not positive definite|did not converge|low >= high|range exceeds valid bounds"
+)
+
+
+def is_out_of_range(error: Exception) -> bool:
+    """Whether ``error`` is what Python and its libraries make of numbers that they cannot take."""
+    return isinstance(error, ArithmeticError) or (
+        isinstance(error, ValueError) and bool(_OUT_OF_RANGE.search(str(error)))
+    )

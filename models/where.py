@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
 
-from .errors import HIDDEN, FormatError
+from .errors import FormatError
 from .records import Array
+
+_HIDDEN = re.compile(
+    "[\\x00-\\x1f\\x7f-\\x9f\\u2028\\u2029\\u202a-\\u202e\\u2066-\\u2069\\ud800-\\udfff]"
+)
+"""Control characters, those that turn the direction of a text, and halves of characters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +50,7 @@ class Where:
         """Fail unless ``value`` is a text that can be shown as it is."""
         if not isinstance(value, str):
             self.fail(f"must be a text, not {type(value).__name__}")
-        found = HIDDEN.search(value)
+        found = _HIDDEN.search(value)
         if found:
             self.fail(f"holds the character {found[0]!a}, which cannot be shown")
 

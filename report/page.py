@@ -87,6 +87,7 @@ def _anchor(title: str) -> str:
 
 
 def _table(table: Table) -> str:
+    """A table in its frame: columns of text to the left, long texts wrapped."""
     kind = ["t" if isinstance(c, str) else "" for c in first(table)]
 
     def line(cells: Sequence[str], tag: str) -> str:

@@ -48,6 +48,8 @@ _MARKUP = re.compile(r"([\\|*_<>`]|\](?=[(\[:]))")
 
 
 def _markdown(tables: Sequence[Table], provenance: Provenance) -> str:
+    """Tables under their titles, markup in cells escaped, the provenance in a comment behind."""
+
     def line(cells: Sequence[str]) -> str:
         escaped = (_MARKUP.sub(r"\\\1", c).replace("\n", " ") for c in cells)
         return f"| {' | '.join(escaped)} |\n"
@@ -103,6 +105,8 @@ _LATEX = {c: f"\\{c}" for c in "&%$#_{}"} | {
 
 
 def _latex(tables: Sequence[Table], provenance: Provenance) -> str:
+    """Tables as floats with captions, after a comment with the provenance."""
+
     def line(cells: Sequence[str]) -> str:
         escaped = ("".join(_LATEX.get(c, c) for c in cell).replace("\n", " ") for cell in cells)
         return f"{' & '.join(escaped)} \\\\\n"
@@ -119,6 +123,8 @@ def _latex(tables: Sequence[Table], provenance: Provenance) -> str:
 
 
 def _json(tables: Sequence[Table], provenance: Provenance) -> str:
+    """An object of provenance and tables; numbers with value, standard error and validity."""
+
     def value(cell: Cell) -> Any:
         if not isinstance(cell, Number):
             return cell

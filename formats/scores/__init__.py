@@ -17,7 +17,7 @@ import numpy as np
 
 from ...models.errors import FormatError, ParameterError
 from ...models.records import Scores
-from ...models.words import Words, words
+from ...models.runs import Runs
 from ..plain_json import json_object
 from .text import COLUMNS, NAMES, NUMBERS, from_csv, from_json, to_csv, to_json
 
@@ -104,7 +104,7 @@ def _to_h5(scores: Scores) -> Iterator[bytes]:
         out.put("names", json.dumps(lists))
         for name in NAMES:
             index = {text: i for i, text in enumerate(lists[name])}
-            runs = [(index[text], count) for text, count in words(getattr(scores, name)).runs()]
+            runs = [(index[text], count) for text, count in Runs.of(getattr(scores, name)).runs()]
             numbers, counts = np.array(runs, np.int64).reshape(-1, 2).T
             out.put(name, np.repeat(numbers, counts).astype(np.int32))
         for name in NUMBERS:
@@ -137,11 +137,11 @@ def _read_h5(data: bytes, path: object) -> Scores:
         raise FormatError(path, "columns", f"not a table of scores: {error}") from None
 
 
-def _named(names: list[str], index: np.ndarray[Any, Any]) -> Words:
+def _named(names: list[str], index: np.ndarray[Any, Any]) -> Runs:
     """The names at ``index`` (m,)."""
     if index.dtype != np.int32 or index.min(initial=0) < 0:
         raise ValueError("names are not given by indices")
-    return words(str(names[i]) for i in index)
+    return Runs.of(str(names[i]) for i in index)
 
 
 _WRITERS = {"csv": to_csv, "json": to_json, "h5": _to_h5}

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...models.errors import FormatError
 from ...models.records import Scores
-from ...models.words import words
+from ...models.runs import Runs
 from ..plain_json import json_object
 
 NAMES = ("recording", "estimator", "metric", "part")
@@ -48,7 +48,7 @@ def _table(rows: Iterable[tuple[Any, ...]], provenance: dict[str, Any]) -> Score
     time, value, stderr = (
         np.array([math.nan if x is None else x for x in columns[i]], float) for i in (4, 5, 7)
     )
-    recording, estimator, metric, part = map(words, columns[:4])
+    recording, estimator, metric, part = map(Runs.of, columns[:4])
     n = np.array(columns[6], np.int64)
     return Scores(recording, estimator, metric, part, time, value, n, stderr, provenance)
 

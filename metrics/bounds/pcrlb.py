@@ -24,8 +24,8 @@ from ...models.motion import constant_velocity
 from ...models.parameters import parameter, require
 from ...models.records import Array, Estimates, Recording, Scores, Stream
 from ...models.uwb import free_space_amplitude, range_std
-from ..kit.alignment import Window, interpolate, seconds
-from ..kit.table import concatenate, rows
+from ..kit.alignment import ScoredObject, interpolate, seconds
+from ..kit.table import rows
 from . import paths
 from .information import covariance_bounds, information
 
@@ -39,7 +39,7 @@ QUADRATIC = ("pcrlb",)
 
 
 @dataclass(frozen=True, slots=True)
-class Params(Window):
+class Params(ScoredObject):
     """The filter's model: measurements, transitions, prior."""
 
     TITLE = "the filter's model"
@@ -87,7 +87,7 @@ class Params(Window):
     )
 
     def __post_init__(self) -> None:
-        Window.__post_init__(self)
+        ScoredObject.__post_init__(self)
         for name in ("prior_axes", "prior_depth"):
             low, high = getattr(self, name)
             require(low < high, name, "low < high", (low, high))
@@ -137,7 +137,7 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
     valid = (P[:, 5, 5] <= 1.0)[inside]
     key = recording.meta.name, "", f"{name}-valid", "device"
     tables += [rows(key, time, valid), rows(key, np.nan, valid.mean(), len(valid))]
-    return concatenate(tables)
+    return Scores.join(tables)
 
 
 def _stream(recording: Recording) -> Stream:

@@ -127,10 +127,7 @@ def _only(inputs: Inputs, estimators: Sequence[str]) -> Inputs:
     wanted = {"", *estimators}
 
     def kept(scores: Scores | None) -> Scores | None:
-        if scores is None:
-            return None
-        rows = [i for i, name in enumerate(scores.estimator) if name in wanted]
-        return scores.select(rows)
+        return None if scores is None else scores.where(estimator=wanted.__contains__)
 
     estimates = tuple(e for e in inputs.estimates if e.estimator in wanted)
     return replace(

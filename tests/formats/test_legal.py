@@ -85,11 +85,6 @@ def test_halves_of_characters(recording, tmp_path):
         check(replace(recording, meta=Meta("x", frame="\ud800")))
 
 
-def test_errors_show_what_cannot_be_shown():
-    error = FormatError("a\x1b[31m.h5", "\udcff", "is\u202e bad\n")
-    assert str(error) == r"a\x1b[31m.h5: \udcff: is\u202e bad"
-
-
 def covariance(objects, P):
     return replace(objects, covariance=np.broadcast_to(P, (len(objects.label), 4, 4)).copy())
 

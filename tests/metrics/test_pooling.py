@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from echoset.metrics.kit.table import Key, concatenate, rows
+from echoset.metrics.kit.table import Key, rows
 from echoset.metrics.pooling import pool
 from echoset.metrics.segments import parse, segments
 from echoset.models.errors import InputError, ParameterError
@@ -25,7 +25,7 @@ def campaign(errors: list[np.ndarray], estimator: str = "e", name: str = "s") ->
             rows(key, np.nan, np.sqrt(np.mean(e**2)), len(e), 0.123),
             rows((*key[:2], "cdf", "device<=1"), np.nan, np.mean(e <= 1), len(e)),
         ]
-    return replace(concatenate(tables), provenance={"a": 1})
+    return replace(Scores.join(tables), provenance={"a": 1})
 
 
 def get(scores: Scores, metric: str, time: float = np.nan) -> tuple[float, int, float]:
@@ -66,7 +66,7 @@ def test_one_recording_keeps_its_own_standard_error() -> None:
 
 def test_groups() -> None:
     e = [np.ones(2), np.ones(2)]
-    both = concatenate([campaign(e, name="s"), campaign(e, "f"), campaign(e, name="t")])
+    both = Scores.join([campaign(e, name="s"), campaign(e, "f"), campaign(e, name="t")])
     assert set(pool(both, by_scenario=True).recording) == {"s-*", "t-*"}
     assert set(pool(both).estimator) == {"e", "f"}
     again = pool(pool(both))
@@ -78,10 +78,10 @@ def test_groups() -> None:
 
 def test_pooled_rows_beside_their_recordings() -> None:
     one = campaign([np.array([1.0, 2.0]), np.array([3.0, 1.0])])
-    both = pool(concatenate([one, pool(one)]), by_scenario=True)
+    both = pool(Scores.join([one, pool(one)]), by_scenario=True)
     assert set(both.recording) == {"s-*"} and len(both) == len(pool(one))
     other = replace(pool(one), value=2 * pool(one).value)
-    assert set(pool(concatenate([one, other]), by_scenario=True).recording) == {"s-*", "*"}
+    assert set(pool(Scores.join([one, other]), by_scenario=True).recording) == {"s-*", "*"}
 
 
 def test_equal_values_pool_exactly() -> None:
@@ -94,9 +94,9 @@ def test_equal_values_pool_exactly() -> None:
 
 def test_scored_twice() -> None:
     once = campaign([np.ones(2)])
-    np.testing.assert_array_equal(pool(concatenate([once, once])).n, pool(once).n)
+    np.testing.assert_array_equal(pool(Scores.join([once, once])).n, pool(once).n)
     with pytest.raises(InputError, match="more than once"):
-        pool(concatenate([once, replace(once, value=2 * once.value)]))
+        pool(Scores.join([once, replace(once, value=2 * once.value)]))
 
 
 def test_segments() -> None:

@@ -44,7 +44,7 @@ def run(module, recording, settings, scans=None, seed=0):
 
 
 def distances(estimates, recording):
-    found = ospa_gw.score(estimates, recording, ospa_gw.Params())
+    found = ospa_gw.METRIC.score(estimates, recording, ospa_gw.METRIC.Params())
     return found.value[(np.array(found.part) == "") & ~np.isnan(found.time)]
 
 

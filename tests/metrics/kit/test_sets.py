@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from echoset.metrics import cardinality
-from echoset.metrics.kit.alignment import Span
+from echoset.metrics.kit.alignment import Scored
 from echoset.metrics.kit.series import mean_stderr
 from echoset.metrics.kit.sets import sets
 from echoset.models.errors import InputError
@@ -26,7 +26,7 @@ def at(estimates, times):
 def test_between_two_times_stand_the_objects_of_both(scene):
     estimates, recording = scene(TRUTH, [{}] * 6)
     times = [0.0, 0.25, 1.0, 1.5, 2.0, 2.5]
-    aligned = sets(at(estimates, times), recording, Span())
+    aligned = sets(at(estimates, times), recording, Scored())
     truth = aligned.truth
     assert np.split(truth.label, truth.row_offset[1:-1])[0].tolist() == [1, 2]
     assert aligned.counts[0].tolist() == [2, 1, 2, 0, 0, 0]
@@ -37,34 +37,34 @@ def test_between_two_times_stand_the_objects_of_both(scene):
 
 def test_steps_without_truth_are_left_out_and_counted(scene):
     estimates, recording = scene(TRUTH, [{4: (0.0, k)} for k in range(5)])
-    aligned = sets(at(estimates, [-1.0, 0.0, 0.5, 3.0, 3.5]), recording, Span(max_gap=0.9))
+    aligned = sets(at(estimates, [-1.0, 0.0, 0.5, 3.0, 3.5]), recording, Scored(max_gap=0.9))
     assert aligned.time.tolist() == [0.0, 3.0] and aligned.left_out == 3
     assert aligned.steps.tolist() == [1, 3]
     assert aligned.position_estimate.tolist() == [[0, 1], [0, 3]]
-    later = sets(at(estimates, range(5)), recording, Span(start=1.0, stop=2.0))
+    later = sets(at(estimates, range(5)), recording, Scored(start=1.0, stop=2.0))
     assert later.time.tolist() == [1.0, 2.0] and later.left_out == 0
 
 
 def test_what_cannot_be_scored(scene):
     estimates, recording = scene([{}], [{}])
-    assert sets(estimates, recording, Span()).counts[0].tolist() == [0]
+    assert sets(estimates, recording, Scored()).counts[0].tolist() == [0]
     with pytest.raises(InputError, match="no truth"):
-        sets(estimates, replace(recording, truth=None), Span())
+        sets(estimates, replace(recording, truth=None), Scored())
     with pytest.raises(InputError, match="no step"):
-        sets(at(estimates, [7.0]), recording, Span())
+        sets(at(estimates, [7.0]), recording, Scored())
     none, _ = scene([], [])
     with pytest.raises(InputError, match="no step"):
-        sets(none, recording, Span())
+        sets(none, recording, Scored())
     renamed = replace(estimates.objects, state_names=("x", "depth"))
     with pytest.raises(InputError, match="x y"):
-        sets(replace(estimates, objects=renamed), recording, Span())
+        sets(replace(estimates, objects=renamed), recording, Scored())
 
 
 def test_cardinality(scene):
     estimates, recording = scene(TRUTH, [{}, {1: (0.0, 0.0)}, {1: (0.0, 0.0)}, {}])
     mean = np.array([2.5, 1.5, 0.5, 0.5])
     estimates = replace(estimates, steps={"cardinality_mean": mean})
-    scores = cardinality.score(estimates, recording, cardinality.Params(skip=1))
+    scores = cardinality.METRIC.score(estimates, recording, cardinality.METRIC.Params(skip=1))
     rows = zip(scores.metric, scores.part, scores.time, scores.value, strict=True)
     found = {(m, p): v for m, p, t, v in rows if np.isnan(t)}
     assert found["cardinality", "true"] == 1.0

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import accumulate, repeat
 from typing import Any
 
+import numpy as np
 
-class Words(Sequence[str]):
+
+class Runs(Sequence[str]):
     """A sequence of texts, held as runs: it costs memory only where the text changes."""
 
     __slots__ = ("_ends", "_texts")
@@ -24,11 +26,34 @@ class Words(Sequence[str]):
                 counts.append(count)
         self._texts, self._ends = texts, list(accumulate(counts))
 
+    @staticmethod
+    def of(texts: Iterable[str]) -> Runs:
+        """``texts`` as runs."""
+        return texts if isinstance(texts, Runs) else Runs((text, 1) for text in texts)
+
+    @staticmethod
+    def join(columns: Iterable[Sequence[str]]) -> Runs:
+        """The texts of all ``columns`` in order."""
+        return Runs(run for column in columns for run in Runs.of(column).runs())
+
     def runs(self) -> Iterator[tuple[str, int]]:
-        """Each text and how many rows in turn have it."""
+        """Each text and how many rows have it, one after the other."""
         starts = [0, *self._ends]
         for text, start, end in zip(self._texts, starts, self._ends, strict=False):
             yield text, end - start
+
+    def where(self, test: Callable[[str], bool]) -> np.ndarray[Any, Any]:
+        """Which rows hold a text of which ``test`` is true, as (n,) bool; asked once a run."""
+        found = [(test(text), count) for text, count in self.runs()]
+        return np.repeat(*np.array(found, np.int64).reshape(-1, 2).T).astype(bool)
+
+    def take(self, rows: np.ndarray[Any, Any]) -> Runs:
+        """The texts of the ``rows`` (k,)."""
+        at = np.searchsorted(self._ends, rows, side="right")
+        new = np.flatnonzero(np.diff(at, prepend=-1))
+        counts = np.diff(new, append=len(at))
+        pairs = zip(at[new].tolist(), counts.tolist(), strict=True)
+        return Runs((self._texts[k], count) for k, count in pairs)
 
     def __len__(self) -> int:
         return self._ends[-1] if self._ends else 0
@@ -44,7 +69,7 @@ class Words(Sequence[str]):
             yield from repeat(text, count)
 
     def __eq__(self, other: object) -> bool:
-        if isinstance(other, Words):
+        if isinstance(other, Runs):
             return (self._texts, self._ends) == (other._texts, other._ends)
         return isinstance(other, Sequence) and tuple(self) == tuple(other)
 
@@ -52,14 +77,4 @@ class Words(Sequence[str]):
         return hash((tuple(self._texts), tuple(self._ends)))
 
     def __repr__(self) -> str:
-        return f"Words({list(self.runs())!r})"
-
-
-def words(texts: Iterable[str]) -> Words:
-    """``texts`` as runs."""
-    return texts if isinstance(texts, Words) else Words((text, 1) for text in texts)
-
-
-def chain(columns: Iterable[Sequence[str]]) -> Words:
-    """The texts of all ``columns`` in order."""
-    return Words(run for column in columns for run in words(column).runs())
+        return f"Runs({list(self.runs())!r})"
