@@ -160,12 +160,11 @@ def open_windows(
     source: Target,
     path: object = None,
     recording: bool = False,
-    scans: bool = True,
     size: int | None = None,
 ) -> Windows:
     """Open a record for reading in windows of ``size`` steps or scans, or more.
 
-    With ``recording`` it is that beside estimates; without ``scans`` its streams stay empty.
+    With ``recording`` it is that beside estimates.
 
     Raises
     ------
@@ -174,8 +173,8 @@ def open_windows(
     path = _name(source, path)
     module, _ = _identify(source, path)
     if not hasattr(module, "windows"):
-        return WholeWindows(module.read(source, path), path, recording, scans, size)
-    found: Windows = module.windows(source, path, recording, scans, size)
+        return WholeWindows(module.read(source, path), path, recording, size)
+    found: Windows = module.windows(source, path, recording, size)
     return found
 
 
