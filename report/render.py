@@ -85,7 +85,7 @@ def _csv(tables: Sequence[Table], provenance: Provenance) -> str:
 
 def _harmless(cell: Any) -> Any:
     """A cell of which no spreadsheet makes a formula."""
-    return f"'{cell}" if isinstance(cell, str) and cell.startswith(("=", "+", "-", "@")) else cell
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith("=") else cell
 
 
 def _expand(name: str, cells: Sequence[Cell]) -> dict[str, list[Any]]:
