@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from . import formats
+from .estimators.run import Estimation
 from .formats.atomic import atomic
 from .formats.provenance import versions
-from .formats.steps import concatenate
-from .models import registry
-from .models.errors import InputError
-from .models.parameters import as_dict, resolve, sensor_model
-from .models.random import generator
+from .formats.windows import concatenate
+from .metrics import run
 from .models.records import Estimates, Recording, Scores
 
 
@@ -47,29 +45,15 @@ def estimate(recording: Recording, estimator: str, seed: int = 1, **parameters: 
     ------
     ParameterError : an unknown estimator or parameter, or an impossible value
     InputError : the recording lacks what the estimator needs
-    EstimatorError : the estimator diverged
+    EstimatorError : the estimator diverged, or its estimates are not finite
     """
-    module = registry.load("echoset.estimators", estimator)
-    told = getattr(module, "USES_TRUTH", False)
-    setup = recording if told else recording.setup()
-    user = ("parameters", parameters)
-    params = resolve(module.Params, *sensor_model(setup, module.Params), user)
-    rng = generator(seed, f"estimate:{estimator}", recording.meta.name)
-    steps = list(module.estimate(setup, recording.scans(), params, rng))
-    if not steps:
-        raise InputError(f"{recording.meta.name}: has no scans to estimate from")
-    origin = {"name": recording.meta.name, "digest": formats.observed_digest(recording)}
-    if told:
-        origin["content_digest"] = formats.content_digest(recording)
-    provenance = {
-        "estimator": estimator,
-        "parameters": as_dict(params),
-        "seed": seed,
-        "versions": versions(),
-        "input": origin,
-    }
-    meta = replace(recording.meta, provenance=provenance)
-    return replace(concatenate(steps), meta=meta)
+    asked = Estimation(estimator, (("parameters", parameters),), seed)
+    seen = recording if asked.uses_truth else recording.setup()
+    run = asked.on(seen, recording.meta.name)
+    whole = concatenate(list(run.steps(recording.scans())))
+    content = formats.content_digest(recording) if asked.uses_truth else ""
+    provenance = run.provenance(versions(), formats.observed_digest(recording), content)
+    return replace(whole, meta=replace(recording.meta, provenance=provenance))
 
 
 def score(estimates: Estimates, recording: Recording, metric: str, **parameters: Any) -> Scores:
@@ -80,8 +64,5 @@ def score(estimates: Estimates, recording: Recording, metric: str, **parameters:
     ParameterError : an unknown metric or parameter, or an impossible value
     InputError : there is no truth, or it or the estimates lack what the metric needs
     """
-    module = registry.load("echoset.metrics", metric)
-    user = ("parameters", parameters)
-    params = resolve(module.Params, *sensor_model(recording, module.Params), user)
-    scores: Scores = module.score(estimates, recording, params)
-    return scores
+    found = run.score(metric, [("parameters", parameters)], estimates, recording)
+    return replace(found, provenance={**found.provenance, "versions": versions()})

@@ -24,10 +24,12 @@ from typing import Any
 
 from calibration import fastest, kernel
 
-from echoset.campaign import batch, outputs
 from echoset.campaign import estimate as estimation
-from echoset.campaign.execution import Execution
+from echoset.campaign import outputs
+from echoset.campaign.batch import run as batch
+from echoset.campaign.batch.execution import Execution
 from echoset.cli.main import main as echoset
+from echoset.estimators import run as estimators
 
 LIMIT_MS = 5.0
 LIMIT_SHARE = 0.95
@@ -100,7 +102,7 @@ def watched(clock: Clock, disk: Clock) -> Iterator[None]:
         kept.append((owner, name, getattr(owner, name)))
         setattr(owner, name, value)
 
-    load, opened, writer = estimation.load, estimation.open_source, estimation.estimates_writer
+    load, opened, writer = estimators.load, estimation.open_source, estimation.writer
 
     def source(*args: Any, **kwargs: Any) -> Any:
         with clock.part("read"):
@@ -117,9 +119,9 @@ def watched(clock: Clock, disk: Clock) -> Iterator[None]:
             setattr(found, name, clock.timed("write", getattr(found, name)))
         return found
 
-    put(estimation, "load", lambda *names: Watched(load(*names), clock))
+    put(estimators, "load", lambda *names: Watched(load(*names), clock))
     put(estimation, "open_source", source)
-    put(estimation, "estimates_writer", written)
+    put(estimation, "writer", written)
     put(os, "fsync", disk.timed("fsync", os.fsync))
     try:
         yield
@@ -171,10 +173,17 @@ class Nothing:
 
     label: str
     target: outputs.Target | None = None
+    sources: tuple[str, ...] = ()
 
+    def placed(self, execution: Execution) -> Nothing:
+        """Itself."""
+        return self
 
-def nothing(task: Nothing) -> None:
-    """Do nothing."""
+    def decide(self) -> None:
+        """It is always done."""
+
+    def run(self) -> None:
+        """Do nothing."""
 
 
 @contextmanager
@@ -215,7 +224,7 @@ def dispatch(folder: Path, number: int) -> float:
         for name, campaign in calls:
             start = time.perf_counter()
             with closing(batch._workers(campaign, number)) as workers:
-                found = batch._outcomes(batch._Call(nothing, None, False), tasks, workers)
+                found = batch._outcomes(batch._Call(False), tasks, workers)
                 done = [time.perf_counter() for _ in found]
             each = (done[-1] - done[0]) / (number - 1)
             print(f"  {name:<10} {1e3 * each:8.3f} {done[0] - start:8.2f}")

@@ -12,6 +12,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import time
+from collections import deque
 
 import numpy as np
 from calibration import fastest, kernel
@@ -20,6 +21,7 @@ from echoset.estimators.gsncp import di_gsncp
 from echoset.estimators.gsncp.chain import put, run
 from echoset.estimators.gsncp.kernels import posterior as gsncp
 from echoset.estimators.gsncp.kernels.posterior import Births
+from echoset.estimators.run import Estimation
 from echoset.models.parameters import resolve, sensor_model
 from echoset.models.random import generator
 from echoset.models.records import Recording
@@ -60,10 +62,7 @@ def move_seconds(world: Recording, moves: int) -> tuple[int, float]:
 def six_epochs() -> None:
     """The default preset over one scene."""
     world = recording(1800, 6)
-    params = resolve(di_gsncp.Params, *sensor_model(world, di_gsncp.Params))
-    rng = generator(1, "bench", "estimate")
-    for _ in di_gsncp.estimate(world.setup(), world.scans(), params, rng):
-        pass
+    deque(Estimation("di-gsncp").on(world.setup(), "bench").steps(world.scans()), maxlen=0)
 
 
 def main() -> None:

@@ -8,34 +8,27 @@ the geometry-based model; the ratio of the two stands beside ours.
 
 from __future__ import annotations
 
+from collections import deque
 from functools import partial
 
 import numpy as np
 from calibration import fastest, kernel
 from scene import simulated
 
-from echoset.estimators.eopda.filter import DeviceFilter
 from echoset.estimators.eopda.kernels import bias_proposal, link_likelihood
 from echoset.estimators.eopda.kernels.compiled import bias_proposal as fast_bias_proposal
 from echoset.estimators.eopda.kernels.compiled import link_likelihood as fast_link_likelihood
-from echoset.models.parameters import resolve
-from echoset.models.random import generator
+from echoset.estimators.run import Estimation
 from echoset.models.records import Recording
-from echoset.models.registry import load
 from echoset.models.scatter import unit_square_nodes
 
 NAMES = ("eopda-geo", "eopda-ideal", "a-eopda-geo", "a-eopda-ideal", "ap-pda")
 STEPS = 60
 
 
-def estimate(estimator: DeviceFilter, recording: Recording) -> None:
+def estimate(estimator: str, recording: Recording) -> None:
     """Run the estimator over the whole recording."""
-    model = recording.streams["uwb"].model
-    fields = estimator.Params.__dataclass_fields__
-    params = resolve(estimator.Params, ("model", {k: v for k, v in model.items() if k in fields}))
-    rng = generator(1, "estimate", "bench")
-    for _ in estimator.estimate(recording.setup(), recording.scans(), params, rng):
-        pass
+    deque(Estimation(estimator).on(recording.setup(), "bench").steps(recording.scans()), maxlen=0)
 
 
 def gains(n: int = 500) -> dict[str, float]:
@@ -73,10 +66,9 @@ def main() -> None:
     unit = fastest(kernel)
     per_step = {}
     for name in NAMES:
-        estimator = load("echoset.estimators", name)
-        estimate(estimator, short)
-        start = fastest(partial(estimate, estimator, short))
-        taken = fastest(partial(estimate, estimator, recording))
+        estimate(name, short)
+        start = fastest(partial(estimate, name, short))
+        taken = fastest(partial(estimate, name, recording))
         per_step[name] = (taken - start) / (STEPS - 2)
         print(
             f"{name:14s} {1e3 * per_step[name]:7.2f} ms/step {per_step[name] / unit:7.3f} x"

@@ -20,10 +20,10 @@ import numpy as np
 from calibration import fastest, kernel
 from sklearn.cluster import DBSCAN
 
+from echoset.estimators import mbm, phd
 from echoset.estimators.maps import detector as front
 from echoset.estimators.maps.kernels import fusion, pixels
 from echoset.estimators.maps.kernels.compiled import pixels as compiled
-from echoset.estimators.points import mbm, phd
 from echoset.formats import weights
 from echoset.models.parameters import resolve, sensor_model
 from echoset.models.random import generator
@@ -101,17 +101,17 @@ def main() -> None:
         for module in (phd, mbm):
             layers = ("preset", module.PRESETS["paper"]), ("here", {"weights": str(path)})
             params = resolve(module.Params, *sensor_model(recording, module.Params), *layers)
-            context = module.Context.of(recording.setup(), params)
+            context = module.context(recording.setup(), params)
             if module is phd:
                 list(module.run(context, iter(scans)))
-                parts(recording, where, context.chain, unit)
+                parts(recording, where, context.source, unit)
                 print("filter                          ms  ratio")
             seconds = fastest(lambda: list(module.run(context, iter(scans))))  # noqa: B023
             line(module.__name__.rpartition(".")[2], unit, seconds / SCANS)
-            store = {t: context.chain.fuse(t, [s for s in scans if s.time_ns == t])
+            store = {t: context.source.fuse(t, [s for s in scans if s.time_ns == t])
                      for t in {s.time_ns for s in scans}}  # fmt: skip
-            chain = replace(context.chain, fuse=lambda t, _: store[t])  # noqa: B023
-            shared = replace(context, chain=chain)
+            chain = replace(context.source, fuse=lambda t, _: store[t])  # noqa: B023
+            shared = replace(context, source=chain)
             seconds = fastest(lambda: list(module.run(shared, iter(scans))))  # noqa: B023
             line("  soft maps from a store", unit, seconds / SCANS)
 

@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from echoset.formats import recording_writer
+from echoset import formats
 from echoset.formats.provenance import versions
 from echoset.models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
 
@@ -39,7 +39,7 @@ def write(path: Path, scans: int) -> None:
         "clutter_region": np.array([-REGION, REGION, -REGION, REGION]),
     }
     meta = Meta("long-s1-0000", provenance={"generator": "bench_long", "versions": versions()})
-    writer = recording_writer(path, path.suffix[1:])
+    writer = formats.writer(path, path.suffix[1:])
     try:
         for start in range(0, scans, WINDOW):
             k = np.arange(start, min(start + WINDOW, scans))

@@ -3,50 +3,31 @@
 from __future__ import annotations
 
 from array import array
-from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import count
 from pathlib import Path
-from time import perf_counter
-from typing import Any
+from typing import IO, Any
 
-from numpy.linalg import LinAlgError
+import numpy as np
 
-from ..formats import EstimatesWriter, estimates_writer, header, open_source, read
+from ..estimators.presets import preset as named
+from ..estimators.run import GROUP, Estimation, TimedStep
+from ..formats import Writer, header, open_source, read, writer
+from ..formats import scores as files
 from ..formats.provenance import versions
-from ..models.checks import check_objects, check_steps
-from ..models.errors import EstimatorError, FormatError, InputError
-from ..models.parameters import Layer, as_dict, resolve, sensor_model
-from ..models.random import generator
-from ..models.records import Estimates, Meta, Recording
+from ..metrics.kit.table import rows
+from ..models.errors import InputError, ParameterError
+from ..models.parameters import Layer
+from ..models.records import Meta, Recording, Scores
 from ..models.registry import load
-from . import progress, resume
-from .inputs import label, stdin
-from .outputs import DASH, Target
-from .resume import Decision
+from . import progress
+from .batch import resume
+from .batch.execution import Execution
+from .batch.task import Whole
+from .inputs import is_pipe, label, spooled, stdin
+from .outputs import DASH, Existing, Target, scores_format, single
 
-GROUP = "echoset.estimators"
-
-TimedStep = tuple[Estimates, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """A recording to be estimated; ``show`` its steps as they pass."""
-
-    source: str
-    target: Target
-    estimator: str
-    layers: tuple[Layer, ...]
-    use_sensor_model: bool
-    seed: int
-    show: bool = False
-
-    @property
-    def label(self) -> str:
-        """The input as the user named it."""
-        return label(self.source)
+METRIC = "time-per-step"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,147 +40,168 @@ class Timing:
     seconds: array[float]
 
 
-def estimate(task: Task) -> Timing:
-    """Run the estimator over the recording and write its estimates.
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A recording to be estimated; ``show`` its steps as they pass.
 
-    Raises
-    ------
-    InputError : the recording is damaged, of the wrong kind or lacks what the estimator needs
-    ParameterError : an unknown or impossible parameter
-    EstimatorError : an estimate that is not finite or breaks the contract of estimates
-    OutputError : the output exists or cannot be written
+    ``config`` is the file that some of the parameters were read from.
     """
-    module = load(GROUP, task.estimator)
-    progress.announce_compilation()
-    piped = task.source == DASH
-    carried = piped and task.target.path is None
-    source = open_source(stdin() if piped else Path(task.source), task.label, keep=carried)
-    try:
-        setup = _whole(task) if _uses_truth(module) else source.setup
-        setup = _visible(setup, module.STREAMS, task)
-        params = _parameters(setup, module, task)
-        rng = generator(task.seed, f"estimate:{task.estimator}", setup.meta.name)
-        scans = source.scans()
-        seen = (scan for scan in scans if scan.stream in setup.streams)
-        steps = _timed(module.estimate(setup, seen, params, rng), task)
-        with task.target.open() as target:
-            writer = estimates_writer(target, task.target.format)
-            try:
-                meta = replace(setup.meta, provenance=_provenance(task, params))
-                shown = progress.share(steps, source) if task.show else steps
-                timing = _append(shown, writer, meta)
-                deque(scans, maxlen=0)
-                if not timing.time_ns:
-                    raise InputError(f"{task.label}: has no scans to estimate from")
-                origin = _origin(task, module, meta.name, source.observed_digest)
-                meta = replace(meta, provenance={**meta.provenance, "input": origin})
-                writer.close(meta, source.recording() if carried else None)
-                return timing
-            finally:
-                writer.abort()
-    finally:
-        source.close()
 
+    source: str
+    target: Target
+    asked: Estimation
+    show: bool = False
+    config: str | None = None
 
-def expected(task: Task) -> dict[str, Any]:
-    """The provenance of the estimates that :func:`estimate` would write.
+    @property
+    def label(self) -> str:
+        """The input as the user named it."""
+        return label(self.source)
 
-    Of the recording only headers are read.
+    @property
+    def sources(self) -> tuple[str | None, ...]:
+        """The recording and the file of parameters."""
+        return self.source, self.config
 
-    Raises
-    ------
-    InputError, ParameterError : as :func:`estimate`
-    """
-    module = load(GROUP, task.estimator)
-    path = Path(task.source)
-    source = open_source(path, task.label)
-    try:
-        setup = _visible(source.setup, module.STREAMS, task)
-    finally:
-        source.close()
-    origin = _origin(task, module, setup.meta.name, header(path)["observed_digest"])
-    return {**_provenance(task, _parameters(setup, module, task)), "input": origin}
+    def placed(self, execution: Execution) -> Task:
+        """The task with the paths of the workers."""
+        source, target = execution.place(self.source), execution.target(self.target)
+        return replace(self, source=source, target=target)
 
+    def decide(self) -> resume.Decision:
+        """Whether the estimates have to be made."""
+        if is_pipe(self.source):
+            return resume.decide(replace(self.target, resume=False), dict)
+        return resume.decide(self.target, self._expected)
 
-def decide(task: Task) -> Decision:
-    """Whether the estimates have to be made."""
-    if task.source == DASH:
-        return resume.decide(replace(task.target, resume=False), dict)
-    return resume.decide(task.target, lambda: expected(task))
-
-
-def _origin(task: Task, module: Any, name: str, digest: str) -> dict[str, str]:
-    """Which recording the estimates are of; the truth counts where the estimator uses it."""
-    origin = {"name": name, "digest": digest}
-    if _uses_truth(module):
-        origin["content_digest"] = str(header(Path(task.source))["content_digest"])
-    return origin
-
-
-def _uses_truth(module: Any) -> bool:
-    return bool(getattr(module, "USES_TRUTH", False))
-
-
-def _parameters(setup: Recording, module: Any, task: Task) -> Any:
-    stated = sensor_model(setup, module.Params) if task.use_sensor_model else ()
-    return resolve(module.Params, *stated, *task.layers)
-
-
-def _whole(task: Task) -> Recording:
-    """The recording with its truth, for an estimator that declares that it uses it."""
-    if task.source == DASH:
-        raise InputError(f"{task.label}: {task.estimator} uses the truth: give it a file")
-    record = read(Path(task.source))
-    if not isinstance(record, Recording):
-        raise InputError(f"{task.label}: holds estimates, not a recording")
-    return record
-
-
-def _visible(setup: Recording, kinds: Iterable[str], task: Task) -> Recording:
-    """``setup`` with the streams that the estimator can process."""
-    streams = {name: s for name, s in setup.streams.items() if s.kind in kinds}
-    if not streams:
-        has = " ".join(sorted({s.kind for s in setup.streams.values()})) or "no streams"
-        raise InputError(
-            f"{task.label}: has {has}, but {task.estimator} needs a stream of {' or '.join(kinds)}"
+    def _expected(self) -> dict[str, Any]:
+        """The provenance of the estimates that :meth:`run` would write, from headers alone."""
+        path = Path(self.source)
+        source = open_source(path, self.label)
+        try:
+            run = self.asked.on(source.setup, self.label)
+        finally:
+            source.close()
+        return run.provenance(
+            versions(), header(path)["observed_digest"], self._content_digest(path)
         )
-    return replace(setup, streams=streams)
+
+    def run(self) -> Timing:
+        """Run the estimator over the recording and write its estimates.
+
+        Raises
+        ------
+        InputError : the recording is damaged, of the wrong kind or lacks what the estimator needs
+        ParameterError : an unknown or impossible parameter
+        EstimatorError : an estimate that is not finite or breaks the contract of estimates
+        OutputError : the output exists or cannot be written
+        """
+        if self.source == DASH:
+            return self._estimate(stdin())
+        with spooled(self.source) as path:
+            return self._estimate(path)
+
+    def _estimate(self, place: Path | IO[bytes]) -> Timing:
+        """Estimate the recording at ``place``, a stream of stdin or a file."""
+        content = self._content_digest(place)
+        progress.announce_compilation()
+        carried = is_pipe(self.source) and self.target.path is None
+        source = open_source(place, self.label, keep=carried)
+        try:
+            setup = self._whole(place) if content else source.setup
+            run = self.asked.on(setup, self.label)
+            steps = run.timed(source.scans())
+            with self.target.open() as target:
+                out = writer(target, self.target.format)
+                try:
+                    meta = replace(setup.meta, provenance=run.provenance(versions()))
+                    shown = progress.share(steps, source) if self.show else steps
+                    timing = _append(shown, out, meta)
+                    provenance = run.provenance(versions(), source.observed_digest, content)
+                    meta = replace(meta, provenance=provenance)
+                    out.close(meta, source.recording() if carried else None)
+                    return timing
+                finally:
+                    out.abort()
+        finally:
+            source.close()
+
+    def _whole(self, place: Path | IO[bytes]) -> Recording:
+        """The recording with its truth, for an estimator that declares that it uses it."""
+        record = read(place, self.label)
+        if not isinstance(record, Recording):
+            raise InputError(f"{self.label}: holds estimates, not a recording")
+        return record
+
+    def _content_digest(self, place: Path | IO[bytes]) -> str:
+        """The digest of the whole recording, where the estimator uses its truth."""
+        if not self.asked.uses_truth:
+            return ""
+        if not isinstance(place, Path):
+            name = self.asked.estimator
+            raise InputError(f"{self.label}: {name} uses the truth: give it a file")
+        return str(header(place)["content_digest"])
 
 
-def _provenance(task: Task, params: Any) -> dict[str, Any]:
-    return {
-        "estimator": task.estimator,
-        "parameters": as_dict(params),
-        "seed": task.seed,
-        "versions": versions(),
-    }
-
-
-def _append(steps: Iterable[TimedStep], writer: EstimatesWriter, meta: Meta) -> Timing:
+def _append(steps: Iterable[TimedStep], out: Writer, meta: Meta) -> Timing:
     """Write the steps, and tell their times."""
     timing = Timing(meta.name, str(meta.provenance["estimator"]), array("q"), array("d"))
     for step, seconds in steps:
-        writer.append(replace(step, meta=meta))
+        out.append(replace(step, meta=meta))
         timing.time_ns.extend(step.objects.time_ns.tolist())
         timing.seconds.extend([seconds] * len(step.objects.time_ns))
     return timing
 
 
-def _timed(steps: Iterator[Estimates], task: Task) -> Iterator[TimedStep]:
-    """The steps, checked, with the seconds that each took."""
-    for number in count(1):
-        start = perf_counter()
-        try:
-            step = next(steps, None)
-        except (LinAlgError, FloatingPointError) as error:
-            raise EstimatorError(f"{task.label}: step {number}: {error}") from error
-        seconds = perf_counter() - start
-        if step is None:
+def chosen(estimator: str, preset: str | None, keep: bool) -> Iterator[Layer]:
+    """The layers that ``--preset`` and ``--keep`` stand for.
+
+    Raises
+    ------
+    ParameterError : the estimator has no such preset, or nothing that could be kept
+    """
+    module = load(GROUP, estimator)
+    if preset is not None:
+        yield f"--preset {preset}", named(estimator, preset)
+    if keep:
+        if "keep" not in module.Params.__dataclass_fields__:
+            raise ParameterError(f"{estimator} has nothing that --keep could keep")
+        yield "--keep", {"keep": True}
+
+
+class Times(Whole[Timing]):
+    """The table of all steps' times, if ``file`` is to have one.
+
+    It never stands in estimates, which are equal for equal inputs. When a campaign is resumed, a
+    table that is there is in the way of new times only.
+    """
+
+    option = "--timing"
+
+    def __init__(self, file: str | None, existing: Existing) -> None:
+        if file is None:
             return
-        try:
-            check_objects(step.objects, "objects")
-            check_steps(step.steps, len(step.objects.time_ns))
-        except FormatError as error:
-            reason = f"{error.where} {error.reason}"
-            raise EstimatorError(f"{task.label}: step {number}: {reason}") from error
-        yield step, seconds
+        form = scores_format(file)
+        if existing.skip_existing and file != DASH:
+            self.target = Target(Path(file), form)
+        else:
+            self.target = single(file, form, existing.overwrite)
+
+    def finish(self, results: list[Timing]) -> int:
+        """Write it."""
+        if self.target is not None and results:
+            with self.target.open() as opened:
+                files.write(_table(results), opened, self.target.format)
+        return 0
+
+
+def _table(timings: Iterable[Timing]) -> Scores:
+    """The seconds of every step, and for each recording their mean in a row without time."""
+    tables = []
+    for timing in timings:
+        key = timing.recording, timing.estimator, METRIC, ""
+        seconds = np.array(timing.seconds)
+        stderr = seconds.std() / np.sqrt(len(seconds))
+        tables.append(rows(key, np.array(timing.time_ns) / 1e9, seconds))
+        tables.append(rows(key, np.nan, seconds.mean(), len(seconds), stderr))
+    return replace(Scores.join(tables), provenance={"versions": versions()})

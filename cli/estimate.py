@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from pathlib import Path, PurePath
-from typing import Any
+from pathlib import PurePath
 
 import click
 
-from ..campaign.execution import Execution
-from ..campaign.outputs import DASH, Existing, Target, plan, scores_format, single
+from ..campaign.batch.execution import Execution
+from ..campaign.outputs import DASH, Existing, plan
 from . import options
 
 
@@ -36,7 +35,7 @@ from . import options
 @click.option("--keep", is_flag=True, help="Keep the mixture, particles or samples of every step.")
 @click.option(
     "--timing",
-    type=click.Path(),
+    type=options.PATH,
     metavar="FILE",
     help="Write the seconds of every step as scores, .csv, .json or .h5.",
 )
@@ -69,56 +68,24 @@ def command(
     echoset estimate -e eopda-geo recordings/*.h5 -o estimates/ -j 2
     echoset simulate uwb-olos -o - | echoset estimate -e eopda-geo - -o estimates.h5
     """
-    from ..campaign import batch, exits, makefile
-    from ..campaign import layers as configuration
-    from ..campaign import timing as timings
-    from ..campaign.estimate import GROUP, Task, decide, estimate
-    from ..formats import scores
+    from ..campaign.batch.run import run
+    from ..campaign.estimate import Task, Times, chosen
+    from ..campaign.layers import layers
+    from ..estimators.run import Estimation
     from ..models.errors import InputError, ParameterError
     from ..models.parameters import resolve
-    from ..models.registry import load
 
     if DASH in inputs and len(inputs) > 1:
         raise ParameterError("stdin holds one recording: '-' is to be the only input")
-    module = load(GROUP, estimator)
-    user = (*_chosen(module, estimator, preset, keep), *configuration.layers(config, settings))
+    user = (*chosen(estimator, preset, keep), *layers(config, settings))
+    asked = Estimation(estimator, user, seed, not ignore_sensor_model)
     with suppress(InputError):
-        resolve(module.Params, *user)
+        resolve(asked.module.Params, *user)
     stems = ["stdin" if source == DASH else PurePath(source).stem for source in inputs]
     names = [f"{stem}.{estimator}" for stem in stems]
     targets = plan(output, names, form, existing, late=execution.keep_going)
     tasks = [
-        Task(source, target, estimator, user, not ignore_sensor_model, seed, len(inputs) == 1)
-        for source, target in zip(
-            execution.places(inputs), map(execution.target, targets), strict=True
-        )
+        Task(source, target, asked, len(inputs) == 1, config)
+        for source, target in zip(inputs, targets, strict=True)
     ]
-    makefile.check(deps, targets, inputs)
-    sink = _sink(timing, existing) if timing else None
-    done = batch.run(estimate, tasks, execution, decide, existing.dry_run)
-    if sink and done.results:
-        with sink.open() as target:
-            scores.write(timings.scores(done.results), target, sink.format)
-    if not existing.dry_run:
-        makefile.write(deps, ((targets[k], (inputs[k], config)) for k in done.finished))
-    exits.end(done.exit_code)
-
-
-def _sink(timing: str, existing: Existing) -> Target:
-    """Where times go; when a campaign is resumed, what is there is in the way of new times only."""
-    if existing.skip_existing and timing != DASH:
-        return Target(Path(timing), scores_format(timing))
-    return single(timing, scores_format(timing), existing.overwrite)
-
-
-def _chosen(module: Any, estimator: str, preset: str | None, keep: bool) -> Any:
-    """The layers that ``--preset`` and ``--keep`` stand for."""
-    from ..estimators.presets import preset as named
-    from ..models.errors import ParameterError
-
-    if preset is not None:
-        yield f"--preset {preset}", named(estimator, preset)
-    if keep:
-        if "keep" not in module.Params.__dataclass_fields__:
-            raise ParameterError(f"{estimator} has nothing that --keep could keep")
-        yield "--keep", {"keep": True}
+    run(tasks, execution, existing, deps, Times(timing, existing))

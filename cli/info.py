@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
-from pathlib import Path, PurePath
-from typing import Any
+from pathlib import PurePath
 
 import click
 
@@ -14,7 +12,7 @@ from . import options
 
 
 @click.command("info")
-@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path())
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=options.PATH)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a file and line.")
 @options.logging_options
 def command(files: tuple[str, ...], as_json: bool) -> None:
@@ -22,66 +20,8 @@ def command(files: tuple[str, ...], as_json: bool) -> None:
 
     Kind, streams, sensors, truth, provenance and digests; only MCAP is read whole for it.
     """
+    from ..campaign.info import inspect, lines
+
     for file in files:
-        found = {"file": PurePath(file).name, **_inspect(file)}
-        say(json.dumps(found, sort_keys=True) if as_json else "\n".join(_lines(found)))
-
-
-def _inspect(file: str) -> dict[str, Any]:
-    """Header and shapes by path; of scores, the names in them."""
-    from .. import formats
-    from ..campaign.inputs import SCORES, read_scores
-
-    if PurePath(file).suffix not in SCORES:
-        found = formats.summary(Path(file))
-        if found["kind"] != "scores":
-            provenance = {k: json.loads(v) for k, v in found.items() if _is_provenance(k)}
-            return {**found, **provenance}
-    scores = read_scores(file)
-    columns = ("recording", "estimator", "metric", "part")
-    names = {f"{c}s": list(dict.fromkeys(filter(None, getattr(scores, c)))) for c in columns}
-    return {"kind": "scores", "rows": len(scores), **names, "provenance": scores.provenance}
-
-
-def _is_provenance(path: str) -> bool:
-    return path.rpartition("/")[2] == "provenance"
-
-
-def _lines(found: Mapping[str, Any]) -> Iterator[str]:
-    yield f"{found['file']}: {found['kind']}"
-    shapes: Mapping[str, tuple[int, ...]] = found.get("shapes", {})
-    for path, shape in sorted(shapes.items()):
-        if path.endswith("/time_ns") and "sensors/" not in path:
-            yield _entry(path.removesuffix("/time_ns"), _table(path, shape[0], found, shapes))
-    sensors = {k.split("/")[1]: v for k, v in found.items() if _is_sensor_kind(k)}
-    if sensors:
-        yield _entry("sensors", ", ".join(f"{name} ({kind})" for name, kind in sensors.items()))
-    for key in ("rows", "recordings", "estimators", "metrics", "parts"):
-        if key in found:
-            value = found[key]
-            yield _entry(key, " ".join(value) if isinstance(value, list) else str(value))
-    for key in ("name", "epoch", "frame", "origin", "observed_digest", "content_digest"):
-        if found.get(key):
-            yield _entry(key.replace("_", " "), str(found[key]))
-    for path in sorted(filter(_is_provenance, found)):
-        for key, value in sorted(found[path].items()):
-            yield _entry(f"{path.removesuffix('provenance')}{key}", json.dumps(value))
-
-
-def _is_sensor_kind(path: str) -> bool:
-    return path.startswith("sensors/") and path.endswith("/kind")
-
-
-def _table(
-    path: str, times: int, found: Mapping[str, Any], shapes: Mapping[str, tuple[int, ...]]
-) -> str:
-    """How many times and rows the table has whose times are at ``path``."""
-    group = path.removesuffix("time_ns")
-    rows = next((s[0] for p, s in shapes.items() if p.startswith(f"{group}rows/")), None)
-    rows = shapes.get(f"{group}label", (rows,))[0]
-    kind = f"{found[f'{group}kind']}, " if f"{group}kind" in found else ""
-    return f"{kind}{times} times" + (f", {rows} rows" if rows is not None else "")
-
-
-def _entry(name: str, text: str) -> str:
-    return f"  {name:<16} {text}"
+        found = {"file": PurePath(file).name, **inspect(file)}
+        say(json.dumps(found, sort_keys=True) if as_json else "\n".join(lines(found)))

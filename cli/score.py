@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from ..campaign.execution import Execution
+from ..campaign.batch.execution import Execution
 from ..campaign.outputs import DASH, scores_format, single
 from . import options
 
@@ -14,7 +14,7 @@ from . import options
 @click.option(
     "--truth",
     multiple=True,
-    type=click.Path(),
+    type=options.PATH,
     metavar="FILE|DIR",
     help="Recording of the estimates, or a folder where it is; any number of times.",
 )
@@ -68,41 +68,19 @@ def command(
     echoset score estimates/*.h5 --truth recordings/ --pool -o scores.csv
     echoset score est.h5 --truth rec.h5 -m rmse,nees --set rmse.skip=10 -o -
     """
-    from ..campaign import batch, exits, log, makefile
     from ..campaign import layers as configuration
-    from ..campaign import truth as recordings
-    from ..campaign.score import Task, layers, score
-    from ..formats import scores as files
-    from ..metrics import pooling
+    from ..campaign.batch.run import run
+    from ..campaign.score import Table, Task, layers
     from ..metrics import segments as spans
     from ..metrics.gate import Gate
-    from ..metrics.kit.table import concatenate
-    from ..metrics.run import GROUP
+    from ..metrics.protocol import GROUP
     from ..models import registry
 
     target = single(output, scores_format(output), overwrite)
-    limits = [Gate.parse(text) for text in gates]
+    limits = tuple(Gate.parse(text) for text in gates)
     bounds = spans.parse(segments) if segments else ()
     names = [name.strip() for name in metrics.split(",")] if metrics else registry.names(GROUP)
     chosen = layers(names, configuration.layers(config, settings))
-    makefile.check(deps, [target], estimates)
-    places = execution.places(truth)
     asked, alone = bool(metrics), len(estimates) == 1
-    tasks = [Task(s, places, chosen, asked, alone) for s in execution.places(estimates)]
-    done = batch.run(score, tasks, execution)
-    quadratic = {q for name in names for q in registry.load(GROUP, name).QUADRATIC}
-    table = concatenate(done.results)
-    if bounds:
-        table = spans.segments(table, bounds, quadratic)
-    if pool:
-        table = concatenate([table, pooling.pool(table, quadratic)])
-    failures = [line for limit in limits for line in limit.failures(table)]
-    with target.open() as opened:
-        files.write(table, opened, target.format)
-    if deps:
-        sources = [estimates[k] for k in done.finished]
-        used = [str(path) for s in sources if (path := recordings.located(s, truth))]
-        makefile.write(deps, [(target, dict.fromkeys([*sources, *used, config]))])
-    for line in failures:
-        log.error(f"gate: {line}")
-    exits.end(done.exit_code or (exits.GATE if failures else 0))
+    tasks = [Task(source, truth, chosen, asked, alone) for source in estimates]
+    run(tasks, execution, None, deps, Table(target, bounds, pool, limits, config, asked))

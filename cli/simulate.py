@@ -2,72 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
-
 import click
 
-from ..campaign.execution import Execution
-from ..campaign.outputs import DASH, Existing, Target, plan
+from ..campaign.batch.execution import Execution
+from ..campaign.outputs import DASH, Existing, plan
 from . import options
-
-if TYPE_CHECKING:
-    from ..campaign.resume import Decision
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """One recording to be simulated."""
-
-    label: str
-    scenario: str
-    parameters: Any
-    seed: int
-    run: int
-    target: Target
-
-
-def expected(task: Task) -> dict[str, Any]:
-    """Name and provenance of the recording that :func:`simulate` would write."""
-    return {"name": task.label, **_provenance(task)}
-
-
-def decide(task: Task) -> Decision:
-    """Whether the recording has to be made."""
-    from ..campaign import resume
-
-    return resume.decide(task.target, lambda: expected(task))
-
-
-def _provenance(task: Task) -> dict[str, Any]:
-    from ..formats.provenance import versions
-    from ..models.parameters import as_dict
-
-    return {
-        "scenario": task.scenario,
-        "parameters": as_dict(task.parameters),
-        "seed": task.seed,
-        "run": task.run,
-        "versions": versions(),
-    }
-
-
-def simulate(task: Task) -> None:
-    """Simulate one recording and write it."""
-    from ..campaign.progress import announce_compilation
-    from ..campaign.scenarios import GROUP
-    from ..formats import write
-    from ..models.random import generator
-    from ..models.registry import load
-
-    module = load(GROUP, task.scenario)
-    announce_compilation()
-    rng = generator(task.seed, "simulate", task.label)
-    recording = module.simulate(task.parameters, rng, task.label)
-    provenance = {**recording.meta.provenance, **_provenance(task)}
-    meta = replace(recording.meta, provenance=provenance)
-    with task.target.open() as target:
-        write(replace(recording, meta=meta), target, task.target.format)
 
 
 @click.command("simulate")
@@ -115,9 +54,10 @@ def command(
     echoset simulate uwb-olos --runs 100 -o recordings/
     echoset simulate uwb-olos --set mean_clutter=10 -o cluttered.h5
     """
-    from ..campaign import batch, exits, makefile
+    from ..campaign.batch.run import run
     from ..campaign.layers import layers
     from ..campaign.scenarios import find
+    from ..campaign.simulate import Task
     from ..models.errors import ParameterError
     from ..models.parameters import resolve
 
@@ -128,12 +68,8 @@ def command(
     numbers = range(first_run, first_run + runs)
     names = [f"{found.title}-s{seed}-{number:04d}" for number in numbers]
     targets = plan(output, names, form, existing, late=execution.keep_going)
-    makefile.check(deps, targets, [scenario])
     tasks = [
-        Task(name, found.name, parameters, seed, number, execution.target(target))
+        Task(name, found, parameters, seed, number, target)
         for name, number, target in zip(names, numbers, targets, strict=True)
     ]
-    done = batch.run(simulate, tasks, execution, decide, existing.dry_run)
-    if not existing.dry_run:
-        makefile.write(deps, ((targets[k], [found.file]) for k in done.finished))
-    exits.end(done.exit_code)
+    run(tasks, execution, existing, deps)

@@ -33,33 +33,6 @@ def command(
     \b
     echoset train-classifier --seed 1 -o jsc_cnn.npz
     """
-    from pathlib import Path
+    from ..campaign.train import train
 
-    from ..campaign import progress
-    from ..campaign.layers import layers
-    from ..campaign.outputs import say
-    from ..campaign.scenarios import find
-    from ..control import training
-    from ..formats import weights as archive
-    from ..formats.atomic import refuse_existing
-    from ..models.errors import ParameterError
-    from ..models.parameters import resolve
-    from ..simulate import jsc
-
-    path = Path(output)
-    if path.suffix != ".npz":
-        raise ParameterError(f"-o {output}: weights are written as .npz")
-    refuse_existing(path, overwrite)
-    training.require_torch()
-    params = resolve(training.Params, *layers(None, settings))
-    found = find(scenario)
-    if found.module is not jsc:
-        raise ParameterError(f"--scenario {scenario}: has no range-angle maps")
-    scene = resolve(jsc.Params, *found.layers)
-    progress.announce_compilation()
-    learn, test = training.data(scene, params, seed, progress.bar)
-    weights = training.train(learn, params, seed, progress.bar)
-    archive.write(path, weights, overwrite)
-    say("stations  accuracy  stderr  windows")
-    for a in training.evaluate(weights, test):
-        say(f"{a.stations:8d}  {a.share:8.4f}  {a.stderr:6.4f}  {a.windows:7d}")
+    train(output, scenario, seed, settings, overwrite)

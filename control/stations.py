@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from ..estimators.maps.detector import Chain, named
+from ..estimators import mbm, phd
+from ..estimators.maps.detector import Chain
 from ..estimators.maps.kernels.fusion import Pixels
-from ..estimators.points import mbm, phd
 from ..models.classifier import CLASSES
-from ..models.parameters import as_dict, resolve, sensor_model
+from ..models.parameters import as_dict, sensor_model
 from ..models.records import Array, Estimates, Meta, Objects, Recording, Scan
 
 FILTERS = {"phd": phd, "mbm": mbm}
@@ -56,7 +56,8 @@ class Condition:
         preset = module.PRESETS[self.preset] if self.preset != "default" else {}
         layers = preset, GATES[self.gate], {"stations": self.stations}, dict(self.changes)
         named_ = ((self.name, layer) for layer in layers)
-        return resolve(module.Params, *sensor_model(recording, module.Params), *named_)
+        stated = sensor_model(recording, module.Params)
+        return module.resolved(module.Params, recording, stated, tuple(named_))
 
 
 Soft = Mapping[int, Array]
@@ -81,9 +82,9 @@ def estimate(
 ) -> Steps:
     """Estimates step by step under a condition, from shared soft maps, with parts changed."""
     module, params = FILTERS[condition.filter], condition.params(recording)
-    context = module.Context.of(recording.setup(), params)
-    chain = change(replace(context.chain, fuse=lambda t, scans: soft[t]))
-    steps = list(module.run(replace(context, chain=chain), recording.scans()))
+    context = module.context(recording.setup(), params)
+    chain = change(replace(context.source, fuse=lambda t, scans: soft[t]))
+    steps = list(module.run(replace(context, source=chain), recording.scans()))
     return _named(recording, condition, steps)
 
 
@@ -179,7 +180,7 @@ def _untracked(recording: Recording, condition: Condition, soft: Soft) -> Steps:
         names, units = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
         objects = Objects(np.array([t]), np.array([0, n]), label, names, units, state)
         classes = dict(zip(label.tolist(), log_p, strict=True))
-        steps.append(Estimates(recording.meta, named(chain, objects, classes), {}))
+        steps.append(Estimates(recording.meta, chain.named(objects, classes), {}))
     return _named(recording, condition, steps)
 
 

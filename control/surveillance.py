@@ -7,13 +7,14 @@ region of each, as the filter has them after the scan before (section III-C).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..estimators.points import phd
+from ..estimators.presets import preset
 from ..models.parameters import as_dict, parameter, require, resolve
 from ..models.records import Array, Meta, Recording, Stream, Truth
 from ..models.registry import load
@@ -45,6 +46,7 @@ class Params(scene.Params):
         scene.Params.__post_init__(self)
         same = len(self.regions) == len(self.views)
         require(same, "regions", "as many as there are views", len(self.regions))
+        require(isinstance(self.filter, Mapping), "filter", "a mapping", self.filter)
 
     def names(self) -> list[str]:
         """Names of the regions: B1, B2, ..."""
@@ -58,7 +60,7 @@ class Params(scene.Params):
             "regions": {n: list(b) for n, b in zip(self.names(), self.regions, strict=True)},
         }
         layers = (
-            ("preset", phd.PRESETS["surveillance"]),
+            ("preset", preset("phd", "surveillance")),
             ("scenario", said),
             ("filter", self.filter),
         )

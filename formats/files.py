@@ -1,10 +1,18 @@
-"""Reading and writing records, whatever the format: found by magic bytes or by suffix."""
+"""Reading and writing records, whatever the format: found by magic bytes or by suffix.
+
+A format is five names: ``SUMMARY``, ``SUFFIXES``, ``MAGIC``, ``windows`` and ``Writer``. All that
+is done with files follows from them here. One that knows whole records only has ``read`` and
+``write`` in place of the last two.
+"""
 
 from __future__ import annotations
 
 import io
-import json
+import stat
+import sys
 from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any, Protocol
 
@@ -12,137 +20,174 @@ from ..models import registry
 from ..models.checks import check
 from ..models.errors import FormatError, ParameterError
 from ..models.records import Estimates, Meta, Recording, Scan
-from . import layout
+from . import leaves
+from .damage import damage
 from .whole import WholeWindows, WholeWriter
+from .windows import concatenate, windows
 
 GROUP = "echoset.formats"
 Target = Path | IO[bytes]
 
 
-class Source(Protocol):
-    """A recording that is read scan by scan."""
+class Windows(Protocol):
+    """A record that is read in windows of time; ``head`` is the record without any of them.
 
-    setup: Recording
+    ``has_recording`` tells whether the file holds estimates and their recording. The ``digests`` of
+    all leaves of the file, and the ``meta`` of the record, are known once all windows are out.
+    """
+
+    head: Any
+    has_recording: bool
     unit: str
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """The digests of all leaves by path."""
+
+    @property
+    def meta(self) -> Meta:
+        """What the record is called and where it comes from."""
 
     @property
     def progress(self) -> tuple[int, int]:
         """How much was read so far in this unit, and how much there is; 0 where nobody knows."""
 
-    @property
-    def observed_digest(self) -> str:
-        """Digest of what estimators may see, known once all scans are out."""
-
-    def scans(self) -> Iterator[Scan]:
-        """All scans in order; FormatError where damage shows, at the end at the latest."""
-
-    def recording(self) -> Recording | None:
-        """The whole recording, truth included, where it was asked to be kept."""
-
-    def close(self) -> None:
-        """Close the file."""
-
-
-class Windows(Protocol):
-    """A record that is read in windows of time; ``head`` is the record without any of them.
-
-    ``carries`` tells whether the file holds estimates and their recording.
-    """
-
-    head: Any
-    carries: bool
-    unit: str
-
-    @property
-    def progress(self) -> tuple[int, int]:
-        """How much was read so far in this unit, and how much there is."""
-
     def __iter__(self) -> Iterator[Any]:
-        """The windows in order; FormatError where damage shows, at the end at the latest."""
+        """The windows in order, checked; FormatError for damage, at the end at the latest."""
 
     def close(self) -> None:
         """Close the file."""
 
 
-class Rescue(Protocol):
-    """The sound beginning of a damaged file; all but its windows is known once they are out."""
+class Rescue(Windows, Protocol):
+    """The sound beginning of a damaged file: its ``damage``, and the ``messages`` before."""
 
     damage: FormatError | None
     messages: int
 
     @property
-    def meta(self) -> Meta:
-        """What the record is called, and that it is recovered."""
+    def recording(self) -> Recording | None:
+        """The recording that travels with estimates, as far as it goes."""
+
+
+class Writer(Protocol):
+    """Writes a record window by window of time."""
+
+    def append(self, window: Recording | Estimates) -> None:
+        """Take the next scans and truth, or steps; sensors and models are those of the first.
+
+        The provenance of estimates names the estimator.
+        """
+
+    def close(self, meta: Meta, recording: Recording | None = None) -> None:
+        """Finish the file with its ``meta`` and the recording that travels along, if any."""
+
+    def abort(self) -> None:
+        """Close the file as it is."""
+
+
+class Source:
+    """A recording that is read scan by scan, and with ``keep`` whole besides.
+
+    ``setup`` is what an estimator knows before; ``unit`` counts the ``progress``.
+    """
+
+    def __init__(self, found: Windows, path: object, keep: bool) -> None:
+        self._windows, self._keep = found, keep
+        self._kept: list[Recording] = []
+        self.unit = found.unit
+        if not isinstance(found.head, Recording):
+            raise FormatError(path, "kind", "holds no recording")
+        self.setup = found.head.setup()
 
     @property
-    def recording(self) -> Recording | None:
-        """The recording that estimates carried along, as far as it goes."""
+    def progress(self) -> tuple[int, int]:
+        """How much was read so far, and how much there is; 0 where nobody knows."""
+        return self._windows.progress
 
-    def __iter__(self) -> Iterator[Any]:
-        """The windows in order; FormatError where nothing can be had."""
+    @property
+    def observed_digest(self) -> str:
+        """Digest of what estimators may see, known once all scans are out."""
+        return str(leaves.header(self._windows.digests)["observed_digest"])
+
+    def scans(self) -> Iterator[Scan]:
+        """All scans in order; FormatError where damage shows, at the end at the latest."""
+        for window in self._windows:
+            if self._keep:
+                self._kept.append(window)
+            yield from window.scans()
+
+    def recording(self) -> Recording | None:
+        """The whole recording, truth included, where it was asked to be kept."""
+        return replace(concatenate(self._kept), meta=self._windows.meta) if self._keep else None
 
     def close(self) -> None:
         """Close the file."""
+        self._windows.close()
 
 
-class RecordingWriter(Protocol):
-    """Writes a recording window by window of time."""
-
-    def append(self, window: Recording) -> None:
-        """Take the next scans and truth; sensors and models are those of the first window."""
-
-    def close(self, meta: Meta) -> None:
-        """Finish the file with its ``meta``."""
-
-    def abort(self) -> None:
-        """Close the file as it is."""
-
-
-class EstimatesWriter(Protocol):
-    """Writes estimates step by step."""
-
-    def append(self, estimates: Estimates) -> None:
-        """Take the next steps; their provenance names the estimator."""
-
-    def close(self, meta: Meta, recording: Recording | None = None) -> None:
-        """Finish the file with its provenance and the recording that travels along, if any."""
-
-    def abort(self) -> None:
-        """Close the file as it is."""
-
-
-def _identify(source: Target, path: object) -> tuple[Any, Target]:
-    """The format module of a file by its magic bytes, and the source to read from."""
-    try:
+def _identify(source: Target, path: object) -> tuple[Any, str]:
+    """The format module of a file by its magic bytes, and its name."""
+    with damage(path, ""):
         if isinstance(source, Path):
+            if stat.S_ISFIFO(source.stat().st_mode):
+                raise FormatError(path, "", "is a pipe: it can be read only once")
             with source.open("rb") as file:
                 head = file.read(8)
+        elif source.seekable():
+            head = source.read(8)
+            source.seek(-len(head), io.SEEK_CUR)
         else:
-            if not source.seekable() and not hasattr(source, "peek"):
-                source = io.BytesIO(source.read())
-            head = source.read(8) if source.seekable() else _peek(source)
-            if source.seekable():
-                source.seek(-len(head), io.SEEK_CUR)
-    except OSError as error:
-        raise FormatError(path, "", error.strerror or str(error)) from error
+            peeked: Any = source
+            head = bytes(peeked.peek(8)[:8])
     for name in registry.names(GROUP):
         module = registry.load(GROUP, name)
         if head.startswith(module.MAGIC):
-            if name == "h5" and not isinstance(source, Path) and not source.seekable():
-                source = io.BytesIO(source.read())
-            return module, source
-    if not head:
-        raise FormatError(path, "byte 0", "the file is empty")
-    raise FormatError(path, "byte 0", "neither HDF5 nor MCAP")
-
-
-def _peek(source: Any) -> bytes:
-    """The next 8 bytes of a buffered stream, which stay to be read."""
-    return bytes(source.peek(8)[:8])
+            return module, name
+    raise FormatError(path, "byte 0", "neither HDF5 nor MCAP" if head else "the file is empty")
 
 
 def _name(source: Target, path: object) -> object:
     return path if path is not None else source if isinstance(source, Path) else "<stream>"
+
+
+def open_windows(
+    source: Target,
+    path: object = None,
+    recording: bool = False,
+    scans: bool = True,
+    size: int | None = None,
+) -> Windows:
+    """Open a record for reading in windows of ``size`` steps or scans, or more.
+
+    With ``recording`` it is that beside estimates; without ``scans`` its streams stay empty.
+
+    Raises
+    ------
+    FormatError : it cannot be read, is damaged or of another kind
+    """
+    path = _name(source, path)
+    module, _ = _identify(source, path)
+    if not hasattr(module, "windows"):
+        return WholeWindows(module.read(source, path), path, recording, scans, size)
+    found: Windows = module.windows(source, path, recording, scans, size)
+    return found
+
+
+def open_source(source: Target, path: object = None, keep: bool = False) -> Source:
+    """Open a recording for reading scan by scan; ``keep`` it whole for :meth:`Source.recording`.
+
+    Raises
+    ------
+    FormatError : it cannot be read, is damaged or holds no recording
+    """
+    path = _name(source, path)
+    found = open_windows(source, path)
+    try:
+        return Source(found, path, keep)
+    except BaseException:
+        found.close()
+        raise
 
 
 def read(source: Target, path: object = None) -> Recording | Estimates:
@@ -153,35 +198,50 @@ def read(source: Target, path: object = None) -> Recording | Estimates:
     FormatError : it cannot be read, is damaged or of another kind
     """
     path = _name(source, path)
-    module, source = _identify(source, path)
-    record: Recording | Estimates = module.read(source, path)
-    return record
+    if not isinstance(source, Path) and not source.seekable():
+        source = io.BytesIO(source.read())
+    start = 0 if isinstance(source, Path) else source.tell()
+
+    def whole(recording: bool) -> tuple[Any, bool]:
+        if not isinstance(source, Path):
+            source.seek(start)
+        with closing(open_windows(source, path, recording, size=sys.maxsize)) as found:
+            return replace(concatenate(list(found)), meta=found.meta), found.has_recording
+
+    record: Recording | Estimates
+    record, more = whole(False)
+    return replace(record, recording=whole(True)[0]) if more else record
 
 
-def open_source(source: Target, path: object = None, keep: bool = False) -> Source:
-    """Open a recording for reading scan by scan; ``keep`` it whole for :meth:`recording`.
+def summary(path: Path) -> dict[str, Any]:
+    """Digests, texts and numbers of a record that is sound, and the ``shapes`` of the rest.
 
-    Raises
-    ------
-    FormatError : it cannot be read, is damaged or holds no recording
-    """
-    path = _name(source, path)
-    module, source = _identify(source, path)
-    opened: Source = module.Source(source, path, keep)
-    return opened
-
-
-def summary(source: Target, path: object = None) -> dict[str, Any]:
-    """Digests, attributes and shapes of a file.
+    Of scores only what :func:`header` tells.
 
     Raises
     ------
     FormatError : it cannot be read, is damaged or of another kind
     """
-    path = _name(source, path)
-    module, source = _identify(source, path)
-    found: dict[str, Any] = module.summary(source, path)
-    return found
+    module, _ = _identify(path, path)
+    if hasattr(module, "header") and (stated := header(path))["kind"] == "scores":
+        return stated
+    found: dict[str, Any] = {}
+    for recording in (False, True):
+        with closing(open_windows(path, path, recording)) as parts:
+            for _ in parts:
+                pass
+            own = leaves.of(replace(parts.head, meta=parts.meta))
+        found |= {f"{'recording/' * recording}{p}": leaf for p, leaf in own.items()}
+        if not parts.has_recording:
+            break
+    small = {p: v for p, v in found.items() if isinstance(v, str | bool | int | float)}
+    shapes: dict[str, tuple[int, ...]] = {p: (len(v),) for p, v in found.items() if p not in small}
+    for name, text in parts.digests.items():
+        kind = text.partition(":")[0]
+        if kind.endswith("]"):
+            shape = kind[kind.index("[") + 1 : -1].split(",")
+            shapes[name] = tuple(map(int, filter(None, shape)))
+    return {**leaves.header(parts.digests), **small, "shapes": shapes}
 
 
 def header(path: Path) -> dict[str, Any]:
@@ -193,31 +253,10 @@ def header(path: Path) -> dict[str, Any]:
     ------
     FormatError : it cannot be read, is damaged or of another kind
     """
-    module, source = _identify(path, path)
-    name = next(n for n in registry.names(GROUP) if registry.load(GROUP, n) is module)
-    found = getattr(module, "header", module.summary)(source, path)
-    try:
-        provenance = json.loads(found["provenance"])
-        return {**provenance, **found, "format": name, "provenance": provenance}
-    except (KeyError, TypeError, ValueError, RecursionError) as error:
-        raise FormatError(path, "provenance", "cannot be read") from error
-
-
-def open_windows(source: Target, path: object = None, carried: bool = False, **how: Any) -> Windows:
-    """Open a record for reading in windows of time; ``carried``: the recording beside estimates.
-
-    ``source`` can seek. A format without windows of its own is read whole.
-
-    Raises
-    ------
-    FormatError : it cannot be read, is damaged or of another kind
-    """
-    path = _name(source, path)
-    module, source = _identify(source, path)
-    if not hasattr(module, "Windows"):
-        return WholeWindows(module.read(source, path), path, carried, **how)
-    parts: Windows = module.Windows(source, path, carried, **how)
-    return parts
+    module, name = _identify(path, path)
+    found = module.header(path, path) if hasattr(module, "header") else summary(path)
+    provenance = leaves.provenance(found["provenance"], path)
+    return {**provenance, **found, "format": name, "provenance": provenance}
 
 
 def oddities(path: Path) -> Iterator[tuple[str, str]]:
@@ -263,6 +302,15 @@ def suffix_format(path: Path, default: str | None = None) -> str:
     return default
 
 
+def writer(target: Target, format: str) -> Writer:
+    """A writer that takes a record window by window. Not atomic by itself."""
+    module = registry.load(GROUP, format)
+    if not hasattr(module, "Writer"):
+        return WholeWriter(module.write, target)
+    found: Writer = module.Writer(target)
+    return found
+
+
 def write(record: Recording | Estimates, target: Target, format: str) -> None:
     """Check and write a record whole. Not atomic by itself.
 
@@ -271,22 +319,13 @@ def write(record: Recording | Estimates, target: Target, format: str) -> None:
     FormatError : the record breaks its contract
     """
     check(record)
-    registry.load(GROUP, format).write(record, target)
-
-
-def estimates_writer(target: Target, format: str) -> EstimatesWriter:
-    """A writer that takes estimates step by step. Not atomic by itself."""
-    writer: EstimatesWriter = registry.load(GROUP, format).EstimatesWriter(target)
-    return writer
-
-
-def recording_writer(target: Target, format: str) -> RecordingWriter:
-    """A writer that takes a recording window by window. Not atomic by itself."""
-    module = registry.load(GROUP, format)
-    if not hasattr(module, "RecordingWriter"):
-        return WholeWriter(module.write, target)
-    writer: RecordingWriter = module.RecordingWriter(target)
-    return writer
+    out = writer(target, format)
+    try:
+        for window in windows(record):
+            out.append(window)
+        out.close(record.meta, record.recording if isinstance(record, Estimates) else None)
+    finally:
+        out.abort()
 
 
 def observed_digest(record: Recording | Path) -> str:
@@ -297,10 +336,10 @@ def observed_digest(record: Recording | Path) -> str:
     FormatError : the file cannot be read, is damaged or of another kind
     """
     if isinstance(record, Path):
-        return str(summary(record)["observed_digest"])
-    return layout.observed_digest(record)
+        return str(header(record)["observed_digest"])
+    return leaves.observed_digest(record)
 
 
 def content_digest(record: Recording | Estimates) -> str:
     """Digest of all that ``record`` holds, as its files state it."""
-    return layout.content_digest(record)
+    return leaves.content_digest(record)

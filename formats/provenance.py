@@ -5,12 +5,10 @@ from __future__ import annotations
 from functools import cache
 from importlib.metadata import version
 
-from .. import __version__
-
 
 def versions() -> dict[str, str]:
     """Versions of echoset and of the packages that its numbers come from."""
-    return {"echoset": __version__, **{name: _version(name) for name in ("numpy", "scipy")}}
+    return {name: _version(name) for name in ("echoset", "numpy", "scipy")}
 
 
 @cache

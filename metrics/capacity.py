@@ -12,22 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.errors import InputError
-from ..models.multibeam import BaseStation, capacity
 from ..models.parameters import parameter, resolve, sensor_model
+from ..models.radar.multibeam import BaseStation, capacity
 from ..models.records import Estimates, Recording, Scores
-from .kit.measured import Measured, Names, scorer
+from .kit.measured import Measured, Names
 from .kit.table import rows
-
-SUMMARY = "downlink capacity of base stations, some of which also sense"
-PARTS = ()
-STREAMS = ()
-FOR_SETS = True
-QUADRATIC = ()
+from .protocol import Metric
 
 
 @dataclass(frozen=True, slots=True)
 class Params:
-    """What the users experience."""
+    """The links of the users."""
 
     snr: float = parameter(8.1, "dB", "signal-to-noise ratio of all users, choice")
 
@@ -43,7 +38,7 @@ def measure(estimates: Estimates, recording: Recording, params: Params) -> Measu
     if not total:
         raise InputError(f"{recording.meta.name}: capacity: no station with range-angle maps")
     station = resolve(BaseStation, *sensor_model(recording, BaseStation))
-    used = estimates.meta.provenance.get("parameters", {}).get("stations") or total
+    used = estimates.making.parameters.get("stations") or total
     value = capacity(station, used, total, 10 ** (params.snr / 10))
     lists = {"capacity": np.array([value]), "stations": np.array([used])}
     return Measured(estimates.objects.time_ns, {}, 0, lists)
@@ -55,4 +50,10 @@ def summarise(names: Names, measured: Measured, params: Params) -> Scores:
     return rows((*names, "capacity", ""), np.nan, value, used)
 
 
-score = scorer(measure, summarise)
+METRIC = Metric(
+    "downlink capacity of base stations, some of which also sense",
+    Params,
+    measure,
+    summarise,
+    FOR_SETS=True,
+)

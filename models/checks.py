@@ -1,8 +1,8 @@
 """What every record must satisfy before anything else trusts it.
 
-All readers and writers call :func:`check`; a reader that streams calls :func:`check_stream` and
-:func:`check_objects` on the parts. Each check looks at whole arrays at once and names the first
-value that breaks the rule, as ``streams/uwb/rows/distance[12]``.
+Writers call :func:`check`, readers have :class:`WindowChecks` look at each window; a whole is one
+window. Each check looks at whole arrays at once and names the first value that breaks the rule, as
+``streams/uwb/rows/distance[12]``. Types and shapes are those of :mod:`.columns`.
 """
 
 from __future__ import annotations
@@ -13,10 +13,22 @@ from typing import Any
 
 import numpy as np
 
-from .columns import ACTIVE, COLUMNS, PASSIVE, REQUIRED, STREAM_KINDS, Column
-from .place import Place
-from .radar_checks import check_detections
-from .records import Array, Estimates, Model, Objects, Recording, Sensor, Stream, Truth
+from .columns import (
+    ACTIVE,
+    BLOCKED,
+    COLUMNS,
+    INTEGERS,
+    OBJECTS,
+    PASSIVE,
+    REQUIRED,
+    SENSOR,
+    STREAM_KINDS,
+    Column,
+    Leaf,
+)
+from .radar.checks import check_detections
+from .records import Array, Estimates, Meta, Model, Objects, Recording, Sensor, Stream, Truth
+from .where import Where
 
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
 """What sensors and streams may be called: safe in paths, topics and HDF5."""
@@ -25,29 +37,96 @@ EXTENT_AXES = {"circle": 2, "ellipse": 2, "rectangle": 2, "ellipsoid": 3}
 """Extent kinds and the number of their semi-axes; with three, the rotation is a quaternion."""
 
 
+KEY = re.compile(r"[^\s/.\x00-\x1f\x7f-\x9f\ud800-\udfff][^/\x00-\x1f\x7f-\x9f\ud800-\udfff]*")
+"""What sensor parameters and diagnostics may be called: safe in paths, topics and HDF5."""
+NUMBERS = ("b1", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8")
+"""Types that all formats hold."""
+ROUNDING = 1e-9
+"""How far below zero, of correlations, an eigenvalue of a covariance may be."""
+EXTENT = ("semi_axes", "rotation")
+
+
 def check(record: Recording | Estimates, path: object = "recording") -> None:
     """Raise :class:`FormatError` with the first place where ``record`` breaks its contract.
 
-    ``path`` is what messages call the record: the name of its file. Shapes, dtypes and meaning are
-    those of :mod:`echoset.models.records` and :mod:`echoset.models.columns`.
+    ``path`` is what messages call the record: the name of its file.
     """
+    WindowChecks(path).check(record)
     if isinstance(record, Estimates):
-        if not isinstance(record.meta.provenance.get("estimator"), str):
-            Place(path, "provenance").fail("names no estimator")
-        check_objects(record.objects, "objects", path)
-        check_steps(record.steps, len(record.objects.time_ns), path)
+        at, name = Where(path, "provenance"), record.meta.provenance.get("estimator")
+        if not isinstance(name, str) or not name:
+            at.fail("names no estimator")
+        _check_shown(name, at / "estimator")
         if record.recording is not None:
             check(record.recording, path)
-        return
-    for name in (*record.sensors, *record.streams):
-        if not NAME.fullmatch(name):
-            Place(path, "").fail(f"{name!r} is not a legal name")
-    for name, sensor in record.sensors.items():
-        _check_sensor(sensor, Place(path, f"sensors/{name}"))
-    for name, stream in record.streams.items():
-        check_stream(stream, record.sensors, name, path)
-    if record.truth is not None:
-        check_truth(record.truth, record, path)
+
+
+class WindowChecks:
+    """Checks the windows of one record, called ``path`` in errors: each, and that time goes on."""
+
+    def __init__(self, path: object) -> None:
+        self._path = path
+        self._last: dict[str, int] = {}
+        self._begun = False
+
+    def check(self, window: Recording | Estimates) -> None:
+        """Raise :class:`FormatError` where the window breaks its contract."""
+        if not self._begun:
+            check_meta(window.meta, self._path)
+        if isinstance(window, Estimates):
+            self._begun = True
+            check_objects(window.objects, "objects", self._path)
+            check_steps(window.steps, len(window.objects.time_ns), self._path)
+            self._follow("objects", window.objects.time_ns, strictly=False)
+            return
+        if not self._begun:
+            check_sensors(window.sensors, self._path)
+            self._begun = True
+        for name, stream in window.streams.items():
+            place = f"streams/{name}"
+            _check_name(name, self._path)
+            check_stream(stream, window.sensors, name, self._path, self._last.get(place))
+            self._follow(place, stream.time_ns, strictly=False)
+        if window.truth is not None:
+            truth = window.truth
+            check_truth(truth, window, self._path)
+            self._follow("truth/objects", truth.objects.time_ns, strictly=True)
+            self._follow("truth/blocked", truth.blocked_time_ns, strictly=False)
+
+    def _follow(self, place: str, time_ns: Array, strictly: bool) -> None:
+        if not len(time_ns):
+            return
+        before = self._last.get(place)
+        if before is not None and time_ns[0] < before + strictly:
+            at = Where(self._path, f"{place}/time_ns")
+            at.fail(f"{time_ns[0]} is out of order after {before}", 0)
+        self._last[place] = int(time_ns[-1])
+
+
+def check_meta(meta: Meta, path: object = "recording") -> None:
+    """The part of :func:`check` for what a record is called."""
+    for name in ("name", "epoch", "frame", "origin"):
+        Where(path, name).text(getattr(meta, name))
+    _check_shown(meta.name, Where(path, "name"))
+
+
+def _check_shown(name: str, at: Where) -> None:
+    """A name that stands in tables, where spreadsheets take what begins so for a formula."""
+    at.text(name)
+    if name.startswith("="):
+        at.fail(f"{name[:40]!r} begins with '='")
+
+
+def check_sensors(sensors: Mapping[str, Sensor], path: object = "recording") -> None:
+    """The part of :func:`check` for the sensors of a recording."""
+    for name, sensor in sensors.items():
+        _check_name(name, path)
+        _check_sensor(sensor, Where(path, f"sensors/{name}"))
+
+
+def _check_name(name: str, path: object) -> None:
+    if not NAME.fullmatch(name):
+        Where(path, "").fail(f"{name!r} is not a legal name")
 
 
 def check_stream(
@@ -61,7 +140,7 @@ def check_stream(
 
     It may be a part of one; ``after`` is then the time of the last scan of the part before.
     """
-    at = Place(path, f"streams/{name}")
+    at = Where(path, f"streams/{name}")
     (at / "kind").choice(stream.kind, STREAM_KINDS)
     _check_nodes(stream, sensors, at / "nodes")
     _check_model(stream.model, at / "model")
@@ -87,15 +166,19 @@ def check_stream(
 
 def check_objects(objects: Objects, place: str, path: object = "recording") -> None:
     """The part of :func:`check` for one set of objects, called ``place``."""
-    at, o = Place(path, place), objects
+    at, o = Where(path, place), objects
     _, m = _check_index(o.time_ns, o.row_offset, at)
     names, dx = o.state_names, len(o.state_names)
     (at / "state_names").words(names)
     (at / "state_units").words(o.state_units, unique=False)
     if len(o.state_units) != dx:
         (at / "state_units").fail(f"has {len(o.state_units)} units for {dx} names")
-    (at / "state").array(o.state, "f8", (m, dx))
-    label = (at / "label").array(o.label, "i8", (m,))
+    sizes = {"m": m, "dx": dx, "c": len(o.class_names)}
+    for leaf in OBJECTS:
+        values = getattr(o, leaf.name)
+        if leaf.per_row and leaf.name not in EXTENT and not (leaf.optional and values is None):
+            _check_array(values, leaf, sizes, at / leaf.name)
+    label = o.label
     step = np.repeat(np.arange(len(o.time_ns)), np.diff(o.row_offset))
     order = np.lexsort((label, step))
     again = np.zeros(m, bool)
@@ -103,44 +186,75 @@ def check_objects(objects: Objects, place: str, path: object = "recording") -> N
     again[after] = (label[after] == label[before]) & (step[after] == step[before])
     (at / "label").none(again, label, "occurs twice at one time")
     if o.covariance is not None:
-        place_ = at / "covariance"
-        P = place_.array(o.covariance, "f8", (m, dx, dx))
+        place_, P = at / "covariance", o.covariance
         scale = 1e-9 * np.abs(P).max(axis=(1, 2), keepdims=True, initial=0.0)
         place_.none(np.abs(P - P.swapaxes(1, 2)) > scale, P, "is not symmetric")
         variance = np.diagonal(P, axis1=1, axis2=2)
         place_.none(variance < 0, variance, "is a negative variance")
+        place_.none(lowest(P) < -ROUNDING, P[:, 0], "begins a covariance that is not semidefinite")
     if o.existence is not None:
-        (at / "existence").probability(o.existence, (m,))
-    _check_classes(o, m, at)
-    _check_extent(o, m, at)
+        (at / "existence").probability(o.existence)
+    _check_classes(o, at)
+    _check_extent(o, at)
+
+
+def _length(values: object) -> int:
+    return len(values) if isinstance(values, np.ndarray) and values.ndim else 0
+
+
+def _check_array(values: Any, leaf: Leaf, sizes: Mapping[str, int], at: Where) -> None:
+    """An array as it is declared, whose axes have these ``sizes``."""
+    dtype = leaf.type
+    shape = tuple(sizes[axis] if axis in sizes else int(axis) for axis in leaf.shape)
+    if dtype == INTEGERS:
+        if not _is_numbers(values) or values.dtype.kind not in "iu":
+            at.fail("must be an array of integers")
+        dtype = values.dtype.str
+    at.array(values, dtype, shape)
+
+
+def lowest(P: Array) -> Array:
+    """Lowest eigenvalues (m, 1) of the correlations in symmetric matrices P (m, dx, dx).
+
+    Where a variance is zero, its correlations count as if it were the least positive number.
+    """
+    std = np.sqrt(np.diagonal(P, axis1=1, axis2=2).clip(np.finfo(float).tiny))
+    with np.errstate(over="ignore"):
+        correlation = (P / std[:, :, None] / std[:, None, :]).clip(-1e9, 1e9)
+    return np.linalg.eigvalsh(correlation)[:, :1]
 
 
 def check_steps(steps: Mapping[str, Array], n: int, path: object = "recording") -> None:
     """The part of :func:`check` for the values per step of ``n`` estimates."""
-    Place(path, "steps").group(steps)
+    Where(path, "steps").group(steps)
     for key, values in steps.items():
-        at = Place(path, f"steps/{key}")
-        if not isinstance(values, np.ndarray) or values.dtype.kind not in "biuf":
+        at = Where(path, f"steps/{key}")
+        _check_key(key, Where(path, "steps"))
+        if key in (leaf.name for leaf in OBJECTS):
+            at.fail("has the name of a column of objects")
+        if not _is_numbers(values):
             at.fail("must be an array of numbers")
         if values.shape[:1] != (n,):
             at.fail(f"has shape {values.shape}, needs {n} steps")
         at.finite(values)
 
 
-def _check_sensor(sensor: Sensor, at: Place) -> None:
+def _check_sensor(sensor: Sensor, at: Where) -> None:
     (at / "kind").choice(sensor.kind, SENSOR_KINDS)
-    if isinstance(sensor.object, bool) or not isinstance(sensor.object, int) or sensor.object < -1:
+    label = sensor.object
+    if isinstance(label, bool) or not isinstance(label, int) or not -1 <= label < 1 << 63:
         (at / "object").fail(f"{sensor.object!r} is neither a label nor -1")
-    k = len(sensor.time_ns) if isinstance(sensor.time_ns, np.ndarray) and sensor.time_ns.ndim else 0
-    time = (at / "time_ns").array(sensor.time_ns, "i8", (k,))
-    (at / "time_ns").increasing(time, strictly=True)
-    (at / "position").array(sensor.position, "f8", (k, 3))
-    (at / "quaternion").unit((at / "quaternion").array(sensor.quaternion, "f8", (k, 4)))
+    k = _length(sensor.time_ns)
+    for leaf in SENSOR:
+        if leaf.shape:
+            _check_array(getattr(sensor, leaf.name), leaf, {"k": k}, at / leaf.name)
+    (at / "time_ns").increasing(sensor.time_ns, strictly=True)
+    (at / "quaternion").unit(sensor.quaternion)
     if k == 0 and sensor.kind != "device":
         at.fail(f"the {sensor.kind} has no position")
 
 
-def _check_nodes(stream: Stream, sensors: Mapping[str, Sensor], at: Place) -> None:
+def _check_nodes(stream: Stream, sensors: Mapping[str, Sensor], at: Where) -> None:
     nodes = stream.nodes
     at.words(nodes)
     for node in nodes:
@@ -156,23 +270,39 @@ def _check_nodes(stream: Stream, sensors: Mapping[str, Sensor], at: Place) -> No
         at.fail(f"a stream of kind {stream.kind!r} needs one radar, got {' '.join(kinds) or None}")
 
 
-def _check_model(model: Model, at: Place) -> None:
+def _check_model(model: Model, at: Where) -> None:
     at.group(model)
     for key, value in model.items():
+        _check_key(key, at)
+        if isinstance(value, str):
+            (at / key).text(value)
         if isinstance(value, str | bool):
             continue
         try:
             values = np.asarray(value)
         except ValueError:
             (at / key).fail("is a ragged list")
-        if values.dtype.kind not in "biuf":
+        if not _is_numbers(values):
+            if isinstance(value, int):
+                (at / key).fail("is an integer that does not fit 8 bytes")
             (at / key).fail(f"{value!r} is neither a number, a text nor a list of numbers")
         (at / key).none(~np.isfinite(np.atleast_1d(values)), np.atleast_1d(values), "is not finite")
 
 
-def _check_index(time_ns: Array, row_offset: Array, at: Place) -> tuple[int, int]:
+def _check_key(key: object, at: Where) -> None:
+    """The name of a sensor parameter or diagnostic, which stands in paths."""
+    if not isinstance(key, str) or not KEY.fullmatch(key):
+        at.fail(f"{key!r} is not a legal name")
+
+
+def _is_numbers(values: Any) -> bool:
+    """Whether this is an array of numbers of a type that all formats hold."""
+    return isinstance(values, np.ndarray) and values.dtype.str.lstrip("<|") in NUMBERS
+
+
+def _check_index(time_ns: Array, row_offset: Array, at: Where) -> tuple[int, int]:
     """Number of times and of rows of a ragged table."""
-    n = len(time_ns) if isinstance(time_ns, np.ndarray) and time_ns.ndim else 0
+    n = _length(time_ns)
     (at / "time_ns").increasing((at / "time_ns").array(time_ns, "i8", (n,)), strictly=False)
     offset = (at / "row_offset").array(row_offset, "i8", (n + 1,))
     if offset[0] != 0:
@@ -181,7 +311,7 @@ def _check_index(time_ns: Array, row_offset: Array, at: Place) -> tuple[int, int
     return n, int(offset[-1])
 
 
-def _check_follows(stream: Stream, after: int | None, at: Place) -> None:
+def _check_follows(stream: Stream, after: int | None, at: Where) -> None:
     """No part goes back in time, and no radar scans twice at one time."""
     time = stream.time_ns
     if len(time) and after is not None and time[0] < after:
@@ -191,7 +321,7 @@ def _check_follows(stream: Stream, after: int | None, at: Place) -> None:
         at.none(again, time, "is the time of a second scan")
 
 
-def _check_column(values: Any, column: Column, length: int, at: Place) -> None:
+def _check_column(values: Any, column: Column, length: int, at: Where) -> None:
     tail = np.shape(values)[1:] if column.axes else ()
     if len(tail) != column.axes:
         at.fail(f"has {len(tail)} axes a scan, needs {column.axes}")
@@ -203,7 +333,7 @@ def _check_column(values: Any, column: Column, length: int, at: Place) -> None:
         at.none(a >= len(column.flags), a, f"is not a code ({codes})")
 
 
-def _check_links(mode: Array, tx: Array, rx: Array, kinds: list[str], at: Place) -> None:
+def _check_links(mode: Array, tx: Array, rx: Array, kinds: list[str], at: Where) -> None:
     """Active links go from a device to an anchor, passive ones from an anchor to an anchor."""
     for key, node in (("tx", tx), ("rx", rx)):
         (at / key).none(
@@ -215,44 +345,42 @@ def _check_links(mode: Array, tx: Array, rx: Array, kinds: list[str], at: Place)
     (at / "tx").none((mode == PASSIVE) & ~anchor[tx], tx, "is a device, yet the link is passive")
 
 
-def _check_classes(o: Objects, m: int, at: Place) -> None:
+def _check_classes(o: Objects, at: Where) -> None:
     names, index = o.class_names, o.class_index
     (at / "class_names").words(names)
     if index is not None:
-        if not isinstance(index, np.ndarray) or index.dtype.kind not in "iu":
-            (at / "class_index").fail("must be an array of integers")
-        (at / "class_index").array(index, index.dtype.str, (m,))
         bad = (index < 0) | (index >= len(names))
         (at / "class_index").none(bad, index, f"is not one of {len(names)} classes")
     if o.class_probability is not None:
-        (at / "class_probability").probability(o.class_probability, (m, len(names)))
+        (at / "class_probability").probability(o.class_probability)
 
 
-def _check_extent(o: Objects, m: int, at: Place) -> None:
+def _check_extent(o: Objects, at: Where) -> None:
     if o.extent_kind == "":
         if o.semi_axes is not None or o.rotation is not None:
             (at / "extent_kind").fail("is empty, yet there are semi-axes or rotations")
         return
     (at / "extent_kind").choice(o.extent_kind, EXTENT_AXES)
-    k = EXTENT_AXES[o.extent_kind]
-    axes = (at / "semi_axes").array(o.semi_axes, "f8", (m, k))
+    m, flat = len(o.label), EXTENT_AXES[o.extent_kind] == 2
+    axes = (at / "semi_axes").array(o.semi_axes, "f8", (m, EXTENT_AXES[o.extent_kind]))
     (at / "semi_axes").none(axes <= 0, axes, "is not positive")
-    rotation = (at / "rotation").array(o.rotation, "f8", (m,) if k == 2 else (m, 4))
-    if k == 3:
+    rotation = (at / "rotation").array(o.rotation, "f8", (m,) if flat else (m, 4))
+    if not flat:
         (at / "rotation").unit(rotation)
 
 
 def check_truth(truth: Truth, recording: Recording, path: object = "recording") -> None:
     """The part of :func:`check` for the truth of a recording."""
-    at = Place(path, "truth")
+    at = Where(path, "truth")
     check_objects(truth.objects, "truth/objects", path)
     (at / "objects/time_ns").increasing(truth.objects.time_ns, strictly=True)
     at = at / "blocked"
     time = truth.blocked_time_ns
-    b = len(time) if isinstance(time, np.ndarray) and time.ndim else 0
-    (at / "time_ns").increasing((at / "time_ns").array(time, "i8", (b,)), strictly=False)
-    tx = (at / "tx").array(truth.blocked_tx, "i4", (b,))
-    rx = (at / "rx").array(truth.blocked_rx, "i4", (b,))
+    for leaf in BLOCKED:
+        values = getattr(truth, f"blocked_{leaf.name}")
+        _check_array(values, leaf, {"b": _length(time)}, at / leaf.name)
+    (at / "time_ns").increasing(time, strictly=False)
+    tx, rx = truth.blocked_tx, truth.blocked_rx
     networks = [s for s in recording.streams.values() if s.kind == "uwb"]
     nodes = [recording.sensors[n].kind for s in networks[:1] for n in s.nodes]
-    _check_links(np.full(b, ACTIVE), tx, rx, nodes, at)
+    _check_links(np.full(len(time), ACTIVE), tx, rx, nodes, at)

@@ -1,4 +1,4 @@
-"""What tells pedestrians from vehicles: a small convolutional network on windows of a soft map.
+"""The classifier of pedestrians and vehicles: a small convolutional network on soft maps.
 
 E. Favarelli et al., "Multi-base station cooperative sensing with AI-aided tracking", section IV-B:
 20 filters 5 x 5, ReLU, maximum over 2 x 2, one fully connected layer, softmax.

@@ -1,4 +1,4 @@
-"""What the names of recordings say."""
+"""The scenario in the name of a recording."""
 
 from __future__ import annotations
 

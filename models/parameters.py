@@ -26,6 +26,10 @@ Layer = tuple[str, Mapping[str, Any]]
 """Values of parameters and where they come from."""
 
 
+_LARGEST = 1 << 53
+"""Whole numbers are below: to it each has a float of its own."""
+
+
 class _Required:
     """Marks a parameter without a default: it comes from the recording or from the user."""
 
@@ -49,7 +53,7 @@ def parameter(default: Any, unit: str, doc: str, within: str | tuple[str, ...] =
 
 
 def rule(within: str | tuple[str, ...]) -> str:
-    """What a value has to be, in words: ``positive``, ``in [0, 1)``, ``one of a b``, or nothing."""
+    """The rule for a value, in words: ``positive``, ``in [0, 1)``, ``one of a b``, or nothing."""
     if isinstance(within, tuple):
         return f"one of {' '.join(within)}"
     if not within:
@@ -168,14 +172,13 @@ def _coerce(value: Any, kind: Any, where: str) -> Any:
     if kind is str and isinstance(value, str):
         return value
     if kind is int and not isinstance(value, bool):
-        if isinstance(value, int):
-            return value
-        if isinstance(value, float) and value.is_integer():
+        whole = isinstance(value, int) or (isinstance(value, float) and value.is_integer())
+        if whole and abs(value) < _LARGEST:
             return int(value)
     if kind is float and not isinstance(value, bool):
         try:
             number = float(value)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             number = math.nan
         if math.isfinite(number):
             return number

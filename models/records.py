@@ -8,7 +8,7 @@ nanoseconds after ``Meta.epoch``. Ragged data are columns plus ``row_offset``: t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from heapq import merge
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from .columns import COLUMNS
-from .words import Words, words
+from .runs import Runs
 
 Array = np.ndarray[Any, Any]
 Model = Mapping[str, Any]
@@ -25,7 +25,7 @@ Model = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Meta:
-    """What a record is called and where it comes from.
+    """Name and origin of a record.
 
     ``name`` is the base name of the recording: it keys random streams and fills the column
     ``recording`` of scores. ``provenance`` is plain JSON: generator, parameters, seed, versions.
@@ -175,17 +175,33 @@ class Objects:
 
     def part(self, start: int, stop: int) -> Objects:
         """The objects of the times ``start:stop`` as a record of their own."""
-        rows = slice(self.row_offset[start], self.row_offset[stop])
-        columns: dict[str, Any] = {
-            name: None if getattr(self, name) is None else getattr(self, name)[rows]
-            for name in PER_OBJECT
-        }
-        return replace(
-            self,
-            time_ns=self.time_ns[start:stop],
-            row_offset=self.row_offset[start : stop + 1] - self.row_offset[start],
-            **columns,
-        )
+        first, last = self.row_offset[start], self.row_offset[stop]
+        found = self._rows(slice(first, last))
+        offset = self.row_offset[start : stop + 1] - first
+        return replace(found, time_ns=self.time_ns[start:stop], row_offset=offset)
+
+    def take(self, rows: Array, time_ns: Array, count: Array | None = None) -> Objects:
+        """The ``rows`` (k,) as the objects at ``time_ns`` (n,), ``count`` (n,) at each, or one."""
+        counts = np.ones(len(rows), np.int64) if count is None else count
+        offset = np.concatenate(([0], np.cumsum(counts)))
+        return replace(self._rows(rows), time_ns=time_ns, row_offset=offset)
+
+    def at(self, steps: Array) -> Objects:
+        """The objects of the ``steps`` (k,), in that order."""
+        rows, count = self.rows_of(steps)
+        return self.take(rows, self.time_ns[steps], count)
+
+    def rows_of(self, steps: Array) -> tuple[Array, Array]:
+        """The rows of the ``steps`` (k,), one after the other, and how many each has (k,)."""
+        count = np.diff(self.row_offset)[steps]
+        first = self.row_offset[:-1][steps] - np.cumsum(count) + count
+        return np.arange(count.sum()) + np.repeat(first, count), count
+
+    def _rows(self, rows: Any) -> Objects:
+        """Every column at ``rows``, with times and offsets as they are."""
+        columns = {name: getattr(self, name) for name in PER_OBJECT}
+        taken: dict[str, Any] = {k: None if c is None else c[rows] for k, c in columns.items()}
+        return replace(self, **taken)
 
     @staticmethod
     def join(parts: Sequence[Objects]) -> Objects:
@@ -205,7 +221,7 @@ class Objects:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """What really happened, for scoring: the objects, and the UWB links that were blocked.
+    """The truth, for scoring: the objects, and the UWB links that were blocked.
 
     ``blocked_time_ns``, ``blocked_tx``, ``blocked_rx`` (b,): active link events that delivered
     nothing because something stood in the way.
@@ -247,24 +263,60 @@ class Recording:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Making:
+    """How estimates were made: by which estimator and parameters, from which recording.
+
+    ``digest`` is that of what can be seen of the recording. All is empty where nothing is said.
+    """
+
+    estimator: str
+    parameters: Mapping[str, Any]
+    digest: str
+
+    @staticmethod
+    def of(provenance: Any) -> Making:
+        """What ``provenance`` says of it; what has another type than it should says nothing."""
+        provenance = provenance if isinstance(provenance, Mapping) else {}
+        estimator, parameters = provenance.get("estimator"), provenance.get("parameters")
+        origin = provenance.get("input")
+        digest = origin.get("digest") if isinstance(origin, Mapping) else None
+        return Making(
+            estimator if isinstance(estimator, str) else "",
+            parameters if isinstance(parameters, Mapping) else {},
+            digest if isinstance(digest, str) else "",
+        )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimates:
-    """What an estimator made of a recording, step by step.
+    """The estimates of a recording, step by step.
 
     ``steps`` holds one value or array per time of ``objects``: ``cardinality_mean``,
     ``cardinality_variance`` and the estimator's diagnostics, (n, ...). ``recording`` is the
-    recording itself where it travels along (through a pipe).
+    recording itself where it travels along (through a pipe). ``making`` is what of the provenance
+    anything depends on.
     """
 
     meta: Meta
     objects: Objects
     steps: Mapping[str, Array]
     recording: Recording | None = None
+    making: Making = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "making", Making.of(self.meta.provenance))
 
     @property
     def estimator(self) -> str:
         """Name of the estimator."""
-        return str(self.meta.provenance["estimator"])
+        return self.making.estimator
+
+
+_NAMES = ("recording", "estimator", "metric", "part")
+_NUMBERS = {"time": float, "value": float, "n": np.int64, "stderr": float}
+Which = str | Callable[[str], bool] | None
+"""A text, a test of texts, or any."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -289,14 +341,45 @@ class Scores:
     def __len__(self) -> int:
         return len(self.recording)
 
-    def select(self, indices: Sequence[int]) -> Scores:
-        """The rows at ``indices``."""
-        rows = np.asarray(indices, int)
+    def take(self, rows: Array) -> Scores:
+        """The ``rows`` (k,)."""
+        columns: dict[str, Any] = {c: Runs.of(getattr(self, c)).take(rows) for c in _NAMES}
+        columns |= {c: getattr(self, c)[rows] for c in _NUMBERS}
+        return replace(self, **columns)
 
-        def text(column: Sequence[str]) -> Words:
-            return words(column[i] for i in rows)
+    def where(
+        self,
+        recording: Which = None,
+        estimator: Which = None,
+        metric: Which = None,
+        part: Which = None,
+        timed: bool | None = None,
+    ) -> Scores:
+        """The rows with these names, or that pass; if ``timed`` those per time, else aggregates."""
+        found = np.ones(len(self), bool) if timed is None else np.isnan(self.time) != timed
+        asked = (recording, estimator, metric, part)
+        for column, which in zip(_NAMES, asked, strict=True):
+            if which is not None:
+                test = which if callable(which) else which.__eq__
+                found &= Runs.of(getattr(self, column)).where(test)
+        return self.take(np.flatnonzero(found))
 
-        names = (self.recording, self.estimator, self.metric, self.part)
-        recording, estimator, metric, part = map(text, names)
-        time, value, n, stderr = (c[rows] for c in (self.time, self.value, self.n, self.stderr))
-        return Scores(recording, estimator, metric, part, time, value, n, stderr, self.provenance)
+    @staticmethod
+    def join(tables: Iterable[Scores]) -> Scores:
+        """The rows of all ``tables`` in order.
+
+        The provenance is theirs if it is one, otherwise the list of all different ones, ``inputs``.
+        """
+        parts = list(tables)
+        if len(parts) == 1:
+            return parts[0]
+        columns: dict[str, Any] = {c: Runs.join(getattr(p, c) for p in parts) for c in _NAMES}
+        for c, kind in _NUMBERS.items():
+            numbers = [np.zeros(0, kind), *(getattr(p, c) for p in parts)]
+            columns[c] = np.concatenate(numbers)
+        known: list[dict[str, Any]] = []
+        for p in parts:
+            if p.provenance and dict(p.provenance) not in known:
+                known.append(dict(p.provenance))
+        columns["provenance"] = known[0] if len(known) == 1 else {"inputs": known} if known else {}
+        return Scores(**columns)

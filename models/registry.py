@@ -21,7 +21,7 @@ def names(group: str) -> list[str]:
 
 
 def load(group: str, name: str) -> Any:
-    """What the entry point ``name`` of ``group`` refers to.
+    """The object that the entry point ``name`` of ``group`` refers to.
 
     Raises
     ------

@@ -35,11 +35,39 @@ def sector(
     centre. ``semi_axes`` (..., 2) [m] lie along x and y; ``width`` (...) [m]. Independent uniform
     ``u`` and ``s`` give the scatterers of the ideal model, section IV.
     """
-    angle = bearing(centre, anchor) + opening * (np.asarray(u) - 0.5)
-    shrink = 1.0 - np.asarray(s) * width / semi_axes.mean(axis=-1)
+    angle, shrink = _angle_and_shrink(u, s, centre, anchor, semi_axes, width, opening)
     rim = semi_axes * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
     q: Array = centre + shrink[..., None] * rim
     return q
+
+
+def sector_gradient(
+    u: Array, s: Array, centre: Array, anchor: Array, semi_axes: Array, width: float, opening: float
+) -> Array:
+    """Gradients (K, 2, 5) of the scatterers of :func:`sector` in centre, semi-axes and width.
+
+    One object and anchor: ``u`` and ``s`` are (K,), positions and semi-axes (2,).
+    """
+    angle, shrink = _angle_and_shrink(u, s, centre, anchor, semi_axes, width, opening)
+    cos, sin = np.cos(angle), np.sin(angle)
+    rim, turn = np.stack([cos, sin], -1) * semi_axes, np.stack([-sin, cos], -1) * semi_axes
+    d, total = anchor - centre, semi_axes.sum()
+    phi_centre = np.array([d[1], -d[0]]) / (d @ d)
+    G = np.zeros((len(u), 2, 5))
+    G[:, :, :2] = np.eye(2) + (shrink[:, None] * turn)[:, :, None] * phi_centre
+    G[:, :, 2:4] = ((2 * s * width / total**2)[:, None] * rim)[:, :, None]
+    G[:, 0, 2] += shrink * cos
+    G[:, 1, 3] += shrink * sin
+    G[:, :, 4] = (-2 * s / total)[:, None] * rim
+    return G
+
+
+def _angle_and_shrink(
+    u: Any, s: Any, centre: Array, anchor: Array, semi_axes: Array, width: Any, opening: float
+) -> tuple[Array, Array]:
+    """Parametric angle and share of the way from centre to rim, for points of the unit square."""
+    angle = bearing(centre, anchor) + opening * (np.asarray(u) - 0.5)
+    return angle, 1.0 - np.asarray(s) * width / semi_axes.mean(axis=-1)
 
 
 def unit_square_nodes(n: int) -> tuple[Array, Array]:

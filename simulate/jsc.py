@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from ..models.multibeam import BaseStation, Echoes, path_gain
 from ..models.parameters import parameter, require
 from ..models.poses import yaw_quaternion
+from ..models.radar.multibeam import BaseStation, Echoes, path_gain
+from ..models.radar.reflectors import Reflectors, pedestrian, vehicle, visibility
 from ..models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
-from ..models.reflectors import Reflectors, pedestrian, vehicle, visibility
 from . import spectral, waveform
 from .traffic import Line, Walker, draw
 
@@ -178,7 +178,7 @@ def echoes(
     facing: float,
     rng: np.random.Generator,
 ) -> Echoes:
-    """What a station at ``where`` facing ``facing`` receives of targets (n, 4) in one scan."""
+    """The echoes of targets (n, 4) at a station at ``where`` facing ``facing``, in one scan."""
     position, velocity, rcs = [], [], []
     for kind, x, h in zip(kinds, state, heading, strict=True):
         body = params.bodies[kind]

@@ -11,9 +11,9 @@ from math import pi
 
 import numpy as np
 
-from ..models.detection import View, polar
 from ..models.parameters import parameter, require
 from ..models.poses import yaw_quaternion
+from ..models.radar.detection import View, polar
 from ..models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
 
 

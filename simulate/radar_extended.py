@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..models import extent, ofdm
+from ..models import extent
 from ..models.grids import Grid
 from ..models.parameters import parameter, require
 from ..models.point_process import matern_ii
+from ..models.radar import ofdm
 from ..models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
 
 SUMMARY = "two moving OFDM radars and closely spaced extended targets, in three dimensions"

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..models.multibeam import BaseStation, Echoes, echo_amplitudes, frequencies
+from ..models.radar.multibeam import BaseStation, Echoes, echo_amplitudes, frequencies
 from ..models.records import Array
 from .compiled import spectral as compiled
 

@@ -41,8 +41,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Walker:
-    """Who moves: on which lines, how fast [m s-1], turning how [m], and how much room [m] it has
-    about its centre."""
+    """A moving target: its lines, speeds [m s-1], turn radii [m] and room about its centre [m]."""
 
     lines: Mapping[str, Sequence[float]]
     speed: tuple[float, float]

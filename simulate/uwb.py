@@ -39,8 +39,8 @@ SENSOR_MODEL = (
 class Params:
     """Scene, object and network."""
 
-    steps: int = parameter(180, "1", "number of time steps")
-    dt: float = parameter(0.1, "s", "time between steps; step k is at k dt")
+    steps: int = parameter(180, "1", "number of time steps", within="[1, inf)")
+    dt: float = parameter(0.1, "s", "time between steps; step k is at k dt", within="(0, inf)")
     anchors: tuple[tuple[float, float], ...] = parameter(
         ((4.0, 4.5), (0.0, 0.5), (6.5, 0.0)), "m", "positions of the anchors A1, A2, ..."
     )
@@ -49,33 +49,41 @@ class Params:
         "m",
         "knots of the cubic spline that the object's centre follows",
     )
-    bias_distance: float = parameter(0.32, "m", "distance of the device from the centre")
+    bias_distance: float = parameter(
+        0.32, "m", "distance of the device from the centre", within="[0, inf)"
+    )
     bias_angle: float = parameter(-pi / 3, "rad", "angle of the device about the centre")
-    semi_axes: tuple[float, float] = parameter((0.3, 0.2), "m", "object's semi-axes along x and y")
-    width: float = parameter(0.1, "m", "depth of the scattering sector")
-    opening_angle: float = parameter(2 * pi / 3, "rad", "opening angle of the scattering sector")
-    mean_scatter: float = parameter(5.0, "1", "mean number of scatter paths per link event")
-    mean_clutter: float = parameter(5.0, "1", "mean number of false detections per link event")
-    max_range: float = parameter(20.0, "m", "longest path length; clutter is uniform up to it")
+    semi_axes: tuple[float, float] = parameter(
+        (0.3, 0.2), "m", "object's semi-axes along x and y", within="(0, inf)"
+    )
+    width: float = parameter(0.1, "m", "depth of the scattering sector", within="(0, inf)")
+    opening_angle: float = parameter(
+        2 * pi / 3, "rad", "opening angle of the scattering sector", within="(0, 6.283185307179587]"
+    )
+    mean_scatter: float = parameter(
+        5.0, "1", "mean number of scatter paths per link event", within="[0, inf)"
+    )
+    mean_clutter: float = parameter(
+        5.0, "1", "mean number of false detections per link event", within="[0, inf)"
+    )
+    max_range: float = parameter(
+        20.0, "m", "longest path length; clutter is uniform up to it", within="(0, inf)"
+    )
     snr_db: float = parameter(30.0, "dB", "signal-to-noise ratio of a path of one metre")
-    rms_bandwidth: float = parameter(500e6 / sqrt(12), "Hz", "root mean squared bandwidth")
-    amplitude_threshold: float = parameter(1.0, "1", "lowest normalised amplitude detected")
+    rms_bandwidth: float = parameter(
+        500e6 / sqrt(12), "Hz", "root mean squared bandwidth", within="(0, inf)"
+    )
+    amplitude_threshold: float = parameter(
+        1.0, "1", "lowest normalised amplitude detected", within="[0, inf)"
+    )
     blocked: tuple[tuple[int, int, int], ...] = parameter(
         (), "1", "blocked active links: first step, last step, anchor; all counted from 1"
     )
 
     def __post_init__(self) -> None:
-        for name in ("dt", "width", "max_range", "rms_bandwidth"):
-            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
-        for name in ("bias_distance", "mean_scatter", "mean_clutter", "amplitude_threshold"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        require(self.steps >= 1, "steps", "at least 1", self.steps)
         require(len(self.anchors) >= 1, "anchors", "at least one position", self.anchors)
         moves = len(self.path) >= 2 and all(a != b for a, b in pairwise(self.path))
         require(moves, "path", "two or more points, each unlike the one before", self.path)
-        require(min(self.semi_axes) > 0, "semi_axes", "positive", self.semi_axes)
-        opening = self.opening_angle
-        require(0 < opening <= 2 * pi, "opening_angle", "in (0, 2 pi]", opening)
         for first, last, anchor in self.blocked:
             ok = 1 <= first <= last and 1 <= anchor <= len(self.anchors)
             require(ok, "blocked", "first step <= last step and an anchor", (first, last, anchor))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models.parameters import parameter, require
+from ...models.parameters import parameter
 from ...models.records import Array
 from . import params as device_params
 from .filter import DeviceFilter, Target
@@ -23,11 +23,10 @@ from .links import Links
 class Params(device_params.Params):
     """Parameters of the point target."""
 
-    p_detect: float = parameter(0.95, "1", "probability that a link has a range of the object")
-
-    def __post_init__(self) -> None:
-        device_params.Params.__post_init__(self)
-        require(0 < self.p_detect < 1, "p_detect", "in (0, 1)", self.p_detect)
+    TITLE = "point target"
+    p_detect: float = parameter(
+        0.95, "1", "probability that a link has a range of the object", within="(0, 1)"
+    )
 
 
 def log_likelihood(y: Array, device: Array, anchors: Array, links: Links, params: Params) -> Array:

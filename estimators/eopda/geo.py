@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...models.parameters import parameter, require
+from ...models.parameters import parameter
 from ...models.records import Array
 from . import ranges as eopda
 from .filter import DeviceFilter, Target
@@ -21,13 +21,13 @@ from .links import Links
 class Params(eopda.Params):
     """Parameters of the geometry-based model."""
 
+    TITLE = "geometry-based scattering"
     mean: str = parameter(
-        "transform", "", "path length expected: of the unscented transform, or over the centre"
+        "transform",
+        "",
+        "path length expected: of the unscented transform, or over the centre",
+        within=("transform", "centre"),
     )
-
-    def __post_init__(self) -> None:
-        eopda.Params.__post_init__(self)
-        require(self.mean in ("transform", "centre"), "mean", "transform or centre", self.mean)
 
 
 def log_likelihood(y: Array, device: Array, anchors: Array, links: Links, params: Params) -> Array:

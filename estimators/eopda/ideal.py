@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...models.parameters import parameter, require
+from ...models.parameters import parameter
 from ...models.records import Array
 from ...models.scatter import unit_square_nodes
 from . import ranges as eopda
@@ -23,11 +23,8 @@ from .links import Links
 class Params(eopda.Params):
     """Parameters of the ideal model."""
 
-    scatterers: int = parameter(50, "1", "scatterers I' per receiving anchor")
-
-    def __post_init__(self) -> None:
-        eopda.Params.__post_init__(self)
-        require(self.scatterers >= 1, "scatterers", "at least 1", self.scatterers)
+    TITLE = "ideal scattering"
+    scatterers: int = parameter(50, "1", "scatterers I' per receiving anchor", within="[1, inf)")
 
 
 def log_likelihood(y: Array, device: Array, anchors: Array, links: Links, params: Params) -> Array:

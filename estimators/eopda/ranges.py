@@ -16,26 +16,33 @@ from . import params as device_params
 class Params(device_params.Params):
     """Parameters of a carried device on an extended object that scatters."""
 
-    mean_los: float = parameter(1.0, "1", "mean number of direct ranges per active link event")
-    mean_scatter: float = parameter(
-        5.0, "1", "mean number of scattered ranges per link event; 0: the device has no object"
+    TITLE = "object that scatters"
+    mean_los: float = parameter(
+        1.0, "1", "mean number of direct ranges per active link event", within="[0, inf)"
     )
-    opening_angle: float = parameter(2 * pi / 3, "rad", "opening angle of the scattering sector")
-    axes_prior: tuple[float, float] = parameter((0.1, 0.5), "m", "range of the first semi-axes")
-    width_prior: tuple[float, float] = parameter((0.01, 0.2), "m", "range of the first width")
-    axes_std: float = parameter(0.05, "m", "random walk of the semi-axes")
-    width_std: float = parameter(0.05, "m", "random walk of the sector's width")
+    mean_scatter: float = parameter(
+        5.0,
+        "1",
+        "mean number of scattered ranges per link event; 0: the device has no object",
+        within="[0, inf)",
+    )
+    opening_angle: float = parameter(
+        2 * pi / 3, "rad", "opening angle of the scattering sector", within="(0, 6.283185307179587]"
+    )
+    axes_prior: tuple[float, float] = parameter(
+        (0.1, 0.5), "m", "range of the first semi-axes", within="(0, inf)"
+    )
+    width_prior: tuple[float, float] = parameter(
+        (0.01, 0.2), "m", "range of the first width", within="(0, inf)"
+    )
+    axes_std: float = parameter(0.05, "m", "random walk of the semi-axes", within="[0, inf)")
+    width_std: float = parameter(0.05, "m", "random walk of the sector's width", within="[0, inf)")
 
     def __post_init__(self) -> None:
         device_params.Params.__post_init__(self)
-        for name in ("mean_los", "mean_scatter", "axes_std", "width_std"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        require(
-            0 < self.opening_angle <= 2 * pi, "opening_angle", "in (0, 2 pi]", self.opening_angle
-        )
         for name in ("axes_prior", "width_prior"):
             low, high = getattr(self, name)
-            require(0 < low <= high, name, "0 < low <= high", (low, high))
+            require(low <= high, name, "low <= high", (low, high))
 
     @property
     def los(self) -> float:

@@ -14,11 +14,11 @@ from math import inf, pi
 
 import numpy as np
 
-from ...models.detection import View, polar
 from ...models.errors import InputError
 from ...models.grids import Grid
-from ...models.ofdm import MOUNTING
 from ...models.poses import pose_at
+from ...models.radar.detection import View, polar
+from ...models.radar.ofdm import MOUNTING
 from ...models.records import Array, Recording, Scan, Stream
 from .params import SceneParams
 

@@ -18,26 +18,18 @@ from pathlib import Path
 import numpy as np
 
 from ...models.classifier import CLASSES, Weights
-from ...models.detection import View
 from ...models.errors import InputError
 from ...models.poses import pose_at
 from ...models.records import Array, Objects, Recording, Scan, Sensor
-from ...models.regions import area, box
 from ...models.registry import load
-from ..points import sensing
-from ..points.sensing import Look, look
 from .kernels import cnn
 from .kernels.compiled import fusion as compiled_fusion
 from .kernels.compiled import pixels as compiled_pixels
 from .kernels.fusion import Pixels, Table, table
 from .kernels.pixels import summary
 from .pairs import split
-from .params import MapParams
+from .params import MAPS, MapParams
 
-MAPS = "range_angle_map"
-STREAMS = (*sensing.STREAMS, MAPS)
-FUSED = ""
-"""What the look at all maps of one time is called among the streams."""
 SHIPPED = Path(__file__).parent / "weights" / "jsc_cnn.npz"
 LEAST = 1e-9
 """Least probability of a class, so that no single scan is the last word."""
@@ -197,12 +189,70 @@ class Chain:
             partial(cluster, params, pixels, float(len(used))),
         )
 
+    @property
+    def region(self) -> tuple[float, ...]:
+        """The soft map: x_min, x_max, y_min, y_max [m]."""
+        return self.params.map_region
+
+    def used(self, scans: Iterable[Scan]) -> Iterator[Scan]:
+        """The scans but for the maps that are not fused.
+
+        Raises
+        ------
+        InputError : at the end, if a stream that should be fused had no scan
+        """
+        missing = set(self.streams)
+        for scan in scans:
+            if scan.stream not in self.unused:
+                missing.discard(scan.stream)
+                yield scan
+        if missing:
+            raise InputError(f"stream {min(missing)}: has no maps")
+
+    def see(
+        self, scans: Sequence[Scan], label: Array, where: Array, classes: Classes
+    ) -> Sight | None:
+        """What the maps among the ``scans`` of one time show; None if there are none.
+
+        Followed are targets with ``label`` (k,), predicted at ``where`` (k, 2); ``classes`` is
+        what is known of them.
+        """
+        maps = [scan for scan in scans if scan.stream in self.streams]
+        if not maps:
+            return None
+        time_ns = maps[0].time_ns
+        soft = self.fuse(time_ns, maps)
+        known: Classes = {}
+        if self.identify is not None:
+            now = _logs(self.identify(time_ns, soft, where))
+            before = np.array([classes.get(l, np.zeros(len(CLASSES))) for l in label.tolist()])
+            now += self.params.class_memory * before.reshape(now.shape)
+            now -= np.logaddexp.reduce(now, axis=1, keepdims=True)
+            known = dict(zip(label.tolist(), now, strict=True))
+        kind = np.array([known[l].argmax() if known else 0 for l in label.tolist()], int)
+        apart = alone(where, np.array(self.params.rooms)[kind], np.lexsort((label, -kind)))
+        where, kind = where[apart], kind[apart]
+        where, kind = self.split(time_ns, soft, where, kind)
+        gate, room = (np.array(sizes)[kind] for sizes in (self.params.gates, self.params.rooms))
+        z, R = self.cluster(time_ns, soft, where, gate, room)
+        return Sight(time_ns, soft, z, R, known, self.identify)
+
+    def named(self, objects: Objects, classes: Classes) -> Objects:
+        """The objects with their classes; of those that no map has shown, any is as likely."""
+        if self.identify is None:
+            return objects
+        even = np.full(len(CLASSES), -np.log(len(CLASSES)))
+        log_p = np.array([classes.get(l, even) for l in objects.label.tolist()])
+        p = np.exp(log_p.reshape(-1, len(CLASSES)))
+        p /= p.sum(1, keepdims=True)
+        return replace(objects, class_names=CLASSES, class_index=p.argmax(1), class_probability=p)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
     """What the maps of one time show: the soft map, detections z (n, 2) with R (n, 2, 2).
 
-    ``classes`` are those of the targets that were followed.
+    ``classes`` are those of the targets that were followed, as ``identify`` tells them.
     """
 
     time_ns: int
@@ -210,60 +260,21 @@ class Sight:
     z: Array
     R: Array
     classes: Classes
+    identify: Identify | None
 
-    def look(self, params: MapParams) -> Look:
-        """The detections as the filters take them; clutter is uniform over the soft map."""
-        region = params.clutter_region or params.map_region
-        clutter = np.full(len(self.z), params.clutter_rate / area(box(region)))
-        zero = np.zeros(2)
-        return Look(
-            False, self.z, self.R, clutter, zero, zero, np.eye(2), View(), params.p_detect
-        )  # fmt: skip
+    def recognise(self, label: Array, where: Array, classes: Classes) -> Classes:
+        """``classes`` and those of the targets with ``label`` (k,) that were found at ``where``.
 
-
-def used(chain: Chain, scans: Iterable[Scan]) -> Iterator[Scan]:
-    """The scans but for the maps that are not fused.
-
-    Raises
-    ------
-    InputError : at the end, if a stream that should be fused had no scan
-    """
-    missing = set(chain.streams)
-    for scan in scans:
-        if scan.stream not in chain.unused:
-            missing.discard(scan.stream)
-            yield scan
-    if missing:
-        raise InputError(f"stream {min(missing)}: has no maps")
-
-
-def see(
-    chain: Chain, scans: Sequence[Scan], label: Array, where: Array, classes: Classes
-) -> Sight | None:
-    """What the maps among the ``scans`` of one time show; None if there are none.
-
-    The filter follows targets with ``label`` (k,), predicted at ``where`` (k, 2); ``classes`` is
-    what is known of them.
-    """
-    maps = [scan for scan in scans if scan.stream in chain.streams]
-    if not maps:
-        return None
-    time_ns = maps[0].time_ns
-    soft = chain.fuse(time_ns, maps)
-    known: Classes = {}
-    if chain.identify is not None:
-        now = _logs(chain.identify(time_ns, soft, where))
-        before = np.array([classes.get(l, np.zeros(len(CLASSES))) for l in label.tolist()])
-        now += chain.params.class_memory * before.reshape(now.shape)
-        now -= np.logaddexp.reduce(now, axis=1, keepdims=True)
-        known = dict(zip(label.tolist(), now, strict=True))
-    kind = np.array([known[l].argmax() if known else 0 for l in label.tolist()], int)
-    apart = alone(where, np.array(chain.params.rooms)[kind], np.lexsort((label, -kind)))
-    where, kind = where[apart], kind[apart]
-    where, kind = chain.split(time_ns, soft, where, kind)
-    gate, room = (np.array(sizes)[kind] for sizes in (chain.params.gates, chain.params.rooms))
-    detections = chain.cluster(time_ns, soft, where, gate, room)
-    return Sight(time_ns, soft, *detections, known)
+        What was not followed to there is looked at where it is.
+        """
+        if self.identify is None:
+            return {}
+        known = {**classes, **self.classes}
+        new = ~np.isin(label, list(self.classes))
+        if new.any():
+            p = _logs(self.identify(self.time_ns, self.soft, where[new]))
+            known |= zip(label[new].tolist(), p, strict=True)
+        return known
 
 
 def alone(where: Array, room: Array, order: Array) -> Array:
@@ -279,57 +290,6 @@ def alone(where: Array, room: Array, order: Array) -> Array:
             later = order[k + 1 :]
             apart[later] &= ~close[i, later]
     return apart
-
-
-def looks(
-    scans: Iterable[Scan], sight: Sight | None, setup: Recording, params: Mapping[str, MapParams]
-) -> Iterator[tuple[Scan, Look]]:
-    """What the ``scans`` of one time show with the ``params`` of their streams, one by one.
-
-    The maps are one of them, the first, which has no rows.
-
-    Raises
-    ------
-    InputError : the noise of detections or the region of clutter is not known
-    """
-    if sight is not None:
-        yield Scan(FUSED, sight.time_ns, {}, {}), sight.look(params[FUSED])
-    for scan in scans:
-        stream = setup.streams[scan.stream]
-        if stream.kind != MAPS:
-            polar, sensor = stream.kind == "range_bearing", setup.sensors[stream.nodes[0]]
-            yield scan, look(params[scan.stream], scan, polar, sensor)
-
-
-def recognise(
-    chain: Chain, sight: Sight | None, label: Array, where: Array, alive: Array, classes: Classes
-) -> Classes:
-    """The classes of the labels ``alive``, after targets with ``label`` were found at ``where``.
-
-    What was not followed to there is looked at where it is.
-    """
-    if chain.identify is None:
-        return {}
-    known = dict(classes)
-    if sight is not None:
-        known |= sight.classes
-        new = ~np.isin(label, list(sight.classes))
-        if new.any():
-            p = _logs(chain.identify(sight.time_ns, sight.soft, where[new]))
-            known |= zip(label[new].tolist(), p, strict=True)
-    living = {*alive.tolist(), *label.tolist()}
-    return {l: p for l, p in known.items() if l in living}
-
-
-def named(chain: Chain, objects: Objects, classes: Classes) -> Objects:
-    """The objects with their classes; of those that no map has shown, any class is as likely."""
-    if chain.identify is None:
-        return objects
-    even = np.full(len(CLASSES), -np.log(len(CLASSES)))
-    log_p = np.array([classes.get(l, even) for l in objects.label.tolist()])
-    p = np.exp(log_p.reshape(-1, len(CLASSES)))
-    p /= p.sum(1, keepdims=True)
-    return replace(objects, class_names=CLASSES, class_index=p.argmax(1), class_probability=p)
 
 
 def _logs(p: Array) -> Array:

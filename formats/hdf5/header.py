@@ -9,12 +9,12 @@ from typing import Any
 import h5py
 
 from ...models.errors import FormatError
-from .. import layout
-from .. import tree as trees
-from .reader import ERRORS, HEADER, attribute, checked_size, one_line
+from .. import leaves
+from ..damage import damage
+from .reader import HEADER, attribute, checked_size, foreign, verify_header
 
 _LIMIT = 1 << 26
-"""Bytes that the tokens or the provenance may have."""
+"""Bytes that the digests or the provenance may have."""
 _OWN = ("kind", "name", "provenance")
 
 
@@ -26,27 +26,26 @@ def header(source: Path, path: object) -> dict[str, Any]:
     FormatError : it was cut, or its root is damaged or not one of ours
     """
     place = "superblock"
-    try:
+    with damage(path, lambda: place):
         checked_size(source, path)
         with h5py.File(source, "r") as file:
             place = "/"
             wanted = (name for name in (*HEADER, *_OWN) if name in file.attrs)
             found = {name: attribute(file, name) for name in wanted}
-            tokens = json.loads(_text(file, "tokens"))
+            absent = [name for name in HEADER if name not in found]
+            if absent:
+                raise FormatError(path, place, foreign(absent[0]))
+            digests = json.loads(_text(file, "tokens"))
             found["provenance"] = _text(file, "provenance")
-        expected = {
-            "format_version": layout.FORMAT_VERSION,
-            "content_digest": trees.digest(tokens),
-            "observed_digest": trees.observed_digest(tokens),
-        }
-        own = {name: trees.token(found[name]) for name in _OWN if name in found}
-    except (*ERRORS, AttributeError, RecursionError) as error:
-        raise FormatError(path, place, one_line(error)) from error
+        expected = leaves.header(digests)
+        own = {name: leaves.digest_of(found[name]) for name in _OWN if name in found}
+        stated = {name: digests.get(name) for name in _OWN}
+        if "kind" not in own:
+            raise ValueError("kind is missing")
     for name, value in expected.items():
-        if found.get(name) != value:
-            raise FormatError(path, name, f"is {str(found.get(name))[:80]}, not {value}")
+        verify_header(path, name, found.get(name), value)
     for name in _OWN:
-        if own.get(name) != tokens.get(name):
+        if own.get(name) != stated[name]:
             raise FormatError(path, name, "does not fit its digest")
     return found
 

@@ -9,103 +9,117 @@ from typing import IO, Any
 import h5py
 import numpy as np
 
-from ...models.checks import check
+from ...models.checks import WindowChecks, check
 from ...models.errors import FormatError
-from ...models.place import Place
-from ...models.records import Estimates, Recording
-from .. import layout
-from .. import tree as trees
-from ..steps import spans
-from ..watch import Watch
-from .reader import Column, TreeReader
+from ...models.records import Array, Estimates, Meta, Recording
+from ...models.where import Where
+from .. import leaves
+from ..windows import span, spans
+from .reader import Column, LeafReader
 
 
 class Windows:
-    """A record that is read in windows of time; ``carried``: the recording beside estimates.
+    """A record that is read in windows of time, or with ``recording`` that beside estimates.
 
     ``head`` is the record without steps or scans. Without ``scans`` the streams stay empty.
     """
 
-    unit = "step"
-
     def __init__(
-        self, source: Path | IO[bytes], path: object, carried: bool = False, scans: bool = True
+        self,
+        source: Path | IO[bytes],
+        path: object,
+        recording: bool = False,
+        scans: bool = True,
+        size: int | None = None,
     ) -> None:
-        self.path, self._done = path, 0
-        self._reader = TreeReader(source, path)
+        self.path, self._size, self._done = path, size, 0
+        self._reader = LeafReader(source, path)
         try:
-            self._top = "recording/" if carried else ""
-            self.carries = any(p.startswith("recording/") for p in self._reader.leaves)
-            if carried and not self.carries:
+            self._top = "recording/" * recording
+            self.has_recording = any(p.startswith("recording/") for p in self._reader.leaves)
+            if recording and not self.has_recording:
                 raise FormatError(path, "recording", "holds no recording beside estimates")
-            own = [p for p in self._reader.leaves if p.startswith("recording/") == carried]
-            grows = [p for p in own if layout.grows(p) and self._is_array(p)]
-            self._read = [p for p in grows if scans or not p.startswith(f"{self._top}streams/")]
-            self._small = self._reader.read([p for p in own if p not in set(grows)])
-            self._empty = {p: self._none(p) for p in grows}
+            own = [p for p in self._reader.leaves if p.startswith("recording/") == recording]
+            grow = {p for p in own if leaves.grows(p) and self._is_array(p)}
+            self._small = self._reader.read([p for p in own if p not in grow])
+            self._empty = {p: self._none(p) for p in own if p in grow}
             self.head = self._record({})
             check(self.head, path)
+            self.unit = "scan" if isinstance(self.head, Recording) else "step"
+            skipped = () if scans else (f"{self._top}streams/",)
+            read = [p for p in own if p in grow and not p.startswith(skipped)]
+            self._columns = {p: Column(self._reader, p) for p in read}
         except BaseException:
             self.close()
             raise
 
     def _is_array(self, path: str) -> bool:
         leaf = self._reader.leaves[path]
-        return isinstance(leaf, h5py.Dataset) and leaf.dtype.kind != "S"
+        return isinstance(leaf, h5py.Dataset) and leaf.dtype.kind != "S" and leaf.ndim > 0
 
-    def _none(self, path: str) -> Any:
+    def _none(self, path: str) -> Array:
         data = self._reader.leaves[path]
         if path.endswith("/row_offset"):
             return np.zeros(1, np.int64)
         return np.zeros((0, *data.shape[1:]), data.dtype)
 
-    def _record(self, leaves: dict[str, Any]) -> Recording | Estimates:
-        tree = trees.unflatten({**trees.flatten(self._small), **self._empty, **leaves})
-        return layout.from_tree(tree["recording"] if self._top else tree, self.path)
+    def _record(self, window: dict[str, Any]) -> Recording | Estimates:
+        found = {**self._small, **self._empty, **window}
+        return leaves.record({p[len(self._top) :]: leaf for p, leaf in found.items()}, self.path)
+
+    @property
+    def meta(self) -> Meta:
+        """What the record is called and where it comes from."""
+        return self.head.meta
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """The digests of all leaves by path."""
+        return self._reader.digests
 
     @property
     def progress(self) -> tuple[int, int]:
         """Scans and times of truth, or steps, that were read, and that there are."""
-        return self._done, sum(len(v) for v in self._times().values())
+        times = (column for path, column in self._columns.items() if path.endswith("/time_ns"))
+        return self._done, sum(map(len, times))
 
-    def _times(self) -> dict[str, Any]:
-        paths = (p for p in self._read if p.endswith("/time_ns"))
-        return {layout.table(p): self._reader.leaves[p] for p in paths}
+    def _index(self, name: str) -> dict[str, Array]:
+        """The columns called ``name`` by their table, read whole."""
+        own = {p: column for p, column in self._columns.items() if p.endswith(f"/{name}")}
+        found = {leaves.table(p): column.whole() for p, column in own.items()}
+        for table, values in found.items():
+            at = Where(self.path, table) / name
+            at.increasing(at.array(values, "i8", (len(values),)), strictly=False)
+        return found
 
     def __iter__(self) -> Iterator[Recording | Estimates]:
         """The windows in order, verified by the time the last is out."""
-        columns = {path: Column(self._reader, path) for path in self._read}
-        times = {table: Column(self._reader, f"{table}/time_ns").whole() for table in self._times()}
-        offsets = {
-            table: Column(self._reader, f"{table}/row_offset").whole()
-            for table in times
-            if f"{table}/row_offset" in columns
+        times, offsets = self._index("time_ns"), self._index("row_offset")
+        for table, offset in offsets.items():
+            at = Where(self.path, table) / "row_offset"
+            at.array(offset, "i8", (len(times[table]) + 1,))
+        rest = {
+            p: c for p, c in self._columns.items() if not p.endswith(("/time_ns", "/row_offset"))
         }
-        for table, time in times.items():
-            at = Place(self.path, table)
-            (at / "time_ns").increasing(time, strictly=False)
-            if table in offsets:
-                (at / "row_offset").array(offsets[table], "i8", (len(time) + 1,))
-                (at / "row_offset").increasing(offsets[table], strictly=False)
-        watch = Watch(self.path)
-        for first, last in spans(times.values()):
-            leaves = {}
-            for path, column in columns.items():
-                table = layout.table(path)
-                start, stop = np.searchsorted(times[table], (first, last)).tolist()
-                if layout.per_row(path):
-                    start, stop = offsets[table][[start, stop]].tolist()
-                if path.endswith("/row_offset"):
-                    offset = column.take(start + 1 if start else 0, stop + 1)
-                    base = offsets[table][start]
-                    leaves[path] = (np.append(base, offset) if start else offset) - base
-                else:
-                    leaves[path] = column.take(start, stop)
-            record = self._record(leaves)
-            watch.check(record)
+        checks = WindowChecks(self.path)
+        for first, last in spans(times.values(), self._size):
+            window: dict[str, Any] = {}
+            inside = {table: span(t, first, last) for table, t in times.items()}
+            for table, (start, stop) in inside.items():
+                window[f"{table}/time_ns"] = times[table][start:stop]
+                if table in offsets:
+                    offset = offsets[table][start : stop + 1]
+                    window[f"{table}/row_offset"] = offset - offset[0]
+            for path, column in rest.items():
+                start, stop = inside[leaves.table(path)]
+                if leaves.per_row(path):
+                    start, stop = offsets[leaves.table(path)][[start, stop]].tolist()
+                window[path] = column.take(start, stop)
+            record = self._record(window)
+            checks.check(record)
             yield record
-            self._done += sum(len(leaves[f"{table}/time_ns"]) for table in times)
-        for column in columns.values():
+            self._done += sum(stop - start for start, stop in inside.values())
+        for column in rest.values():
             column.verify()
 
     def close(self) -> None:

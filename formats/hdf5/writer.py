@@ -1,8 +1,8 @@
-"""HDF5: the random-access archive. Groups and datasets follow the tree of :mod:`.layout`.
+"""HDF5: the random-access archive. Groups and datasets follow the paths of the leaves.
 
 Strings and numbers are attributes (long strings and tuples of strings fixed-length datasets),
-arrays are chunked datasets with gzip, shuffle and fletcher32 and CF ``units``. Tokens of all
-leaves stand in ``/tokens``, their digests in attributes of the root.
+arrays are chunked datasets with gzip, shuffle and fletcher32 and CF ``units``. The digests of all
+leaves stand in ``/tokens``, those of the whole in attributes of the root.
 """
 
 from __future__ import annotations
@@ -16,26 +16,10 @@ import h5py
 import numpy as np
 
 from ...models.records import Estimates, Meta, Recording
-from .. import layout
-from .. import tree as trees
-from ..steps import WINDOW, Blocks, windows
-from ..tree import ArrayToken, Leaf
+from .. import leaves
+from ..leaves import ArrayDigest, Leaf
+from ..windows import WINDOW, Blocks
 from .fallback import SpilledFile
-from .header import header
-from .reader import Source, read, summary
-from .windows import Windows
-
-__all__ = [
-    "EstimatesWriter",
-    "Windows",
-    "RecordingWriter",
-    "Source",
-    "TreeWriter",
-    "summary",
-    "read",
-    "header",
-    "write",
-]
 
 SUMMARY = "HDF5, random access and archive"
 SUFFIXES = (".h5", ".hdf5")
@@ -44,19 +28,19 @@ _CHUNK_BYTES = 1 << 16
 _LONG_TEXT = 1024
 
 
-class TreeWriter:
-    """Puts leaves into an open file and keeps their tokens."""
+class LeafWriter:
+    """Puts leaves into an open file and keeps their digests."""
 
     def __init__(self, target: Path | IO[bytes]) -> None:
         self._disk = SpilledFile(target) if isinstance(target, Path) else None
         self.file = h5py.File(self._disk or target, "w")
-        self.tokens: dict[str, str | ArrayToken] = {}
+        self.digests: dict[str, str | ArrayDigest] = {}
 
     def put(self, path: str, leaf: Leaf) -> None:
         if isinstance(leaf, np.ndarray):
             self.extend(path, leaf)
             return
-        self.tokens[path] = trees.token(leaf)
+        self.digests[path] = leaves.digest_of(leaf)
         group, _, name = path.rpartition("/")
         if isinstance(leaf, tuple):
             self.file[path] = np.array([text.encode() for text in leaf])
@@ -69,7 +53,7 @@ class TreeWriter:
         """Append ``part`` to the dataset at ``path``, a ``row_offset`` shifted to fit."""
         if self._disk:
             self._disk.check()
-        if path not in self.tokens:
+        if path not in self.digests:
             size = part.itemsize * int(np.prod(part.shape[1:]))
             rows = max(1, _CHUNK_BYTES // max(1, size))
             data = self.file.create_dataset(
@@ -82,16 +66,16 @@ class TreeWriter:
                 shuffle=True,
                 fletcher32=True,
             )
-            for name, text in layout.attributes(path).items():
+            for name, text in leaves.attributes(path).items():
                 _attribute(data, name, text)
-            self.tokens[path] = ArrayToken()
+            self.digests[path] = ArrayDigest()
         else:
             data = self.file[path]
             if path.endswith("row_offset"):
                 part = part[1:] + data[-1]
-        token = self.tokens[path]
-        assert isinstance(token, ArrayToken)
-        token.update(part)
+        digest = self.digests[path]
+        assert isinstance(digest, ArrayDigest)
+        digest.update(part)
         start = len(data)
         data.resize(start + len(part), axis=0)
         data[start:] = part
@@ -100,16 +84,10 @@ class TreeWriter:
         data.flush()
 
     def close(self) -> None:
-        """Write tokens and digests; the file is complete after this and only after this."""
-        tokens = {path: str(token) for path, token in sorted(self.tokens.items())}
-        self.file["tokens"] = np.bytes_(json.dumps(tokens).encode())
-        header = {
-            "Conventions": layout.CONVENTIONS,
-            "format_version": layout.FORMAT_VERSION,
-            "content_digest": trees.digest(tokens),
-            "observed_digest": trees.observed_digest(tokens),
-        }
-        for name, value in header.items():
+        """Write the digests; the file is complete after this and only after this."""
+        digests = {path: str(digest) for path, digest in sorted(self.digests.items())}
+        self.file["tokens"] = np.bytes_(json.dumps(digests).encode())
+        for name, value in leaves.header(digests).items():
             _attribute(self.file, name, value)
         self.abort()
 
@@ -131,81 +109,40 @@ def _attribute(item: h5py.Group | h5py.Dataset, name: str, value: Any) -> None:
         item.attrs[name] = value
 
 
-def write(record: Recording | Estimates, target: Path | IO[bytes]) -> None:
-    """Write ``record`` whole."""
-    writer: EstimatesWriter | RecordingWriter
-    if isinstance(record, Estimates):
-        writer = EstimatesWriter(target)
-        try:
-            writer.append(record)
-            writer.close(record.meta, record.recording)
-        finally:
-            writer.abort()
-        return
-    writer = RecordingWriter(target)
-    try:
-        for window in windows(record):
-            writer.append(window)
-        writer.close(record.meta)
-    finally:
-        writer.abort()
-
-
-class RecordingWriter:
-    """Writes a recording window by window of time."""
+class Writer:
+    """Writes a record window by window of time; of estimates :data:`WINDOW` steps at once."""
 
     def __init__(self, target: Path | IO[bytes]) -> None:
-        self._out = TreeWriter(target)
-
-    def append(self, window: Recording) -> None:
-        """Take the next scans and truth; sensors and models are those of the first window."""
-        for path, leaf in trees.flatten(layout.to_tree(window)).items():
-            if layout.grows(path) and isinstance(leaf, np.ndarray):
-                self._out.extend(path, leaf)
-            elif path not in self._out.tokens and path != "provenance":
-                self._out.put(path, leaf)
-
-    def close(self, meta: Meta) -> None:
-        """Finish the file with its ``meta``."""
-        try:
-            self._out.put("provenance", layout.provenance(meta))
-            self._out.close()
-        finally:
-            self.abort()
-
-    def abort(self) -> None:
-        """Close the file as it is."""
-        self._out.abort()
-
-
-class EstimatesWriter:
-    """Writes estimates step by step, in windows of :data:`WINDOW` steps."""
-
-    def __init__(self, target: Path | IO[bytes]) -> None:
-        self._out = TreeWriter(target)
+        self._out = LeafWriter(target)
         self._blocks = Blocks(WINDOW)
+        self._single = True
 
-    def append(self, estimates: Estimates) -> None:
-        """Take the next steps."""
-        for window in self._blocks.add(estimates):
-            self._flush(window)
+    def append(self, window: Recording | Estimates) -> None:
+        """Take the next scans and truth, or steps; sensors and models are those of the first."""
+        if isinstance(window, Recording):
+            own = leaves.of(window)
+            self._put({path: leaf for path, leaf in own.items() if path != "provenance"})
+            return
+        self._single = False
+        for block in self._blocks.add(window):
+            self._put(_steps(block))
 
-    def _flush(self, window: Estimates) -> None:
-        tree = layout.to_tree(replace(window, recording=None))
-        for path, leaf in trees.flatten({k: tree[k] for k in ("objects", "steps")}).items():
-            if isinstance(leaf, np.ndarray):
+    def _put(self, own: dict[str, Leaf]) -> None:
+        for path, leaf in own.items():
+            if leaves.grows(path) and isinstance(leaf, np.ndarray):
                 self._out.extend(path, leaf)
-            elif path not in self._out.tokens:
+            elif path not in self._out.digests:
                 self._out.put(path, leaf)
 
     def close(self, meta: Meta, recording: Recording | None = None) -> None:
         """Finish the file with its ``meta`` and the recording that travels along, if any."""
         try:
-            rest = self._blocks.rest()
-            self._flush(rest)
-            tree = layout.to_tree(replace(rest, meta=meta, recording=recording))
-            del tree["objects"], tree["steps"]
-            for path, leaf in trees.flatten(tree).items():
+            rest: dict[str, Leaf] = {"provenance": leaves.json_of(meta.provenance)}
+            if not self._single:
+                last = replace(self._blocks.rest(), meta=meta, recording=recording)
+                self._put(own := _steps(last))
+                rest = {path: leaf for path, leaf in leaves.of(last).items() if path not in own}
+            for path, leaf in rest.items():
                 self._out.put(path, leaf)
             self._out.close()
         finally:
@@ -214,3 +151,9 @@ class EstimatesWriter:
     def abort(self) -> None:
         """Close the file as it is."""
         self._out.abort()
+
+
+def _steps(estimates: Estimates) -> dict[str, Leaf]:
+    """The leaves that steps have, without those of the record."""
+    own = leaves.of(replace(estimates, recording=None))
+    return {path: leaf for path, leaf in own.items() if path.startswith(("objects/", "steps/"))}

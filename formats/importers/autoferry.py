@@ -31,7 +31,7 @@ from ...models.errors import FormatError, InputError
 from ...models.parameters import as_dict, parameter, require
 from ...models.records import Array, Meta, Recording, Sensor, Stream, Truth
 from .json import Document, read_json, shown
-from .tracks import Fixes, together
+from .tracks import Fixes, align
 
 SUMMARY = "radar and lidar points and true vessels of the Autoferry benchmark (JSON)"
 SENSORS = {"radar": 2, "lidar": 1}
@@ -67,24 +67,26 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     logs = [d for d in documents if d not in true]
     if len(logs) != 1 or len(true) > 1:
         reason = "autoferry reads one file of detections and at most one of ground truth"
-        raise FormatError(documents[-1].path, f"{len(logs)} files of detections", reason)
+        raise FormatError(documents[-1].file.path, f"{len(logs)} files of detections", reason)
     scans = _scans(logs[0])
     for name in params.sensors:
         if not scans[name].time:
-            raise FormatError(logs[0].path, f"sensorID {SENSORS[name]}", f"no scan of the {name}")
+            raise FormatError(
+                logs[0].file.path, f"sensorID {SENSORS[name]}", f"no scan of the {name}"
+            )
     built = {name: scans[name].build(name, logs[0]) for name in params.sensors}
     provenance = {
         "importer": "autoferry",
-        "files": [d.provenance for d in documents],
+        "files": [d.file.provenance for d in documents],
         "parameters": as_dict(params),
     }
     recording = Recording(
-        Meta(logs[0].path.stem.removesuffix(ENDINGS[0]), provenance=provenance),
+        Meta(logs[0].file.path.stem.removesuffix(ENDINGS[0]), provenance=provenance),
         {name: sensor for name, (sensor, _) in built.items()},
         {name: stream for name, (_, stream) in built.items()},
         _truth(true[0], params.max_gap) if true else None,
     )
-    check(recording, logs[0].path)
+    check(recording, logs[0].file.path)
     return recording
 
 
@@ -201,4 +203,4 @@ def _truth(document: Document, max_gap: float) -> Truth:
                 document.fail(where, "the same vessel elsewhere at the same time")
     if not fixes:
         document.fail("targetID", "there is no vessel")
-    return Truth(together(fixes, max_gap))
+    return Truth(align(fixes, max_gap))

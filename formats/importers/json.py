@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -12,24 +11,19 @@ import numpy as np
 
 from ...models.errors import FormatError
 from ..plain_json import parse
+from .text import TextFile, read_text
 
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A JSON document whose numbers are ``Decimal``, and what provenance says of it."""
+    """A JSON document whose numbers are ``Decimal``, and the file that it was."""
 
-    path: Path
+    file: TextFile
     content: Any
-    sha256: str
-
-    @property
-    def provenance(self) -> dict[str, str]:
-        """Name and digest."""
-        return {"name": self.path.name, "sha256": self.sha256}
 
     def fail(self, where: str, reason: str) -> NoReturn:
         """Raise what is wrong at a place in the document."""
-        raise FormatError(self.path, where, reason)
+        raise FormatError(self.file.path, where, reason)
 
     def finite(self, value: object, where: str) -> Decimal:
         """``value`` if it is a number that a float can hold."""
@@ -62,12 +56,5 @@ def read_json(path: Path) -> Document:
     ------
     FormatError : the file cannot be read or is no JSON
     """
-    try:
-        data = path.read_bytes()
-        text = data.decode("utf-8-sig")
-    except OSError as error:
-        raise FormatError(path, "", error.strerror or str(error)) from error
-    except UnicodeDecodeError as error:
-        raise FormatError(path, f"byte {error.start}", "is not UTF-8 text") from error
-    content = parse(text, path, Decimal)
-    return Document(path, content, hashlib.sha256(data).hexdigest())
+    file = read_text(path, of_lines=False)
+    return Document(file, parse(file.text, path, Decimal))

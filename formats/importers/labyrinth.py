@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 
@@ -27,11 +26,16 @@ from ...models.columns import ACTIVE
 from ...models.errors import FormatError
 from ...models.parameters import as_dict, parameter, require
 from ...models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
-from .rows import assemble
-from .text import TextFile, nanoseconds, numbers, read_text
+from .rows import to_stream
+from .text import Table, TextFile, read_text
 
 SUMMARY = "UWB two-way ranges and ground truth in the text form of libRSF (The Labyrinth Dataset)"
-FIELDS = {"range2": 8, "point2": 8, "odom2diff": None}
+FIELDS: dict[str, tuple[str, ...] | None] = {
+    "range2": ("time", "distance", "variance", "x", "y", "anchor", "last"),
+    "point2": ("time", "x", "y", "xx", "xy", "yx", "yy"),
+    "odom2diff": None,
+}
+"""The fields behind each keyword; those of wheel odometry may be any number, a time first."""
 FOLDER = ("Indoor_UWB_Input.txt", "Indoor_UWB_GT.txt")
 
 
@@ -62,11 +66,8 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     FormatError : a file is unreadable or has no range, or a line breaks the format or the physics
     """
     files = [read_text(path) for path in _files(paths)]
-    ranges, points, odometry = (_Lines.of(keyword, files) for keyword in FIELDS)
-    for lines in (points, odometry):
-        lines.check_numbers()
-        lines.time()
-    if not ranges.fields:
+    ranges, points, _ = (_table(keyword, files) for keyword in FIELDS)
+    if not len(ranges):
         raise FormatError(files[0].path, "range2", "there are no ranges")
     stream, sensors = _ranges(ranges, params)
     provenance = {
@@ -75,7 +76,7 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
         "parameters": as_dict(params),
     }
     meta = Meta(ranges.places[0][0].stem, provenance=provenance)
-    truth = _truth(points) if points.fields else None
+    truth = _truth(points) if len(points) else None
     recording = Recording(meta, sensors, {"uwb": stream}, truth)
     check(recording, ranges.places[0][0])
     return recording
@@ -89,77 +90,58 @@ def _files(paths: Sequence[Path]) -> list[Path]:
     return list(paths)
 
 
-@dataclass(frozen=True, slots=True)
-class _Lines:
-    """The lines of one keyword: their fields without it, and where they stand."""
-
-    fields: list[list[str]]
-    places: list[tuple[Path, int]]
-
-    @staticmethod
-    def of(keyword: str, files: Sequence[TextFile]) -> _Lines:
-        fields, places = [], []
-        for file in files:
-            for number, line in enumerate(file.lines, 1):
-                word, *rest = line.split() or [""]
-                if word == keyword:
-                    if len(rest) + 1 != (FIELDS[word] or max(len(rest) + 1, 2)):
-                        needs = FIELDS[word] or "a time and more"
-                        reason = f"{word} has {len(rest) + 1} fields, needs {needs}"
-                        raise FormatError(file.path, f"line {number}", reason)
-                    fields.append(rest)
-                    places.append((file.path, number))
-                elif word and word not in FIELDS:
-                    reason = f"{word[:40]!r} is not one of {' '.join(FIELDS)}"
+def _table(keyword: str, files: Sequence[TextFile]) -> Table:
+    """The lines of one keyword; all their fields but those of names are numbers."""
+    names = FIELDS[keyword]
+    rows, places = [], []
+    for file in files:
+        for number, line in enumerate(file.lines(), 1):
+            word, *rest = line.split() or [""]
+            if word == keyword:
+                if not rest or (names and len(rest) != len(names)):
+                    needs = len(names) + 1 if names else "a time and more"
+                    reason = f"{word} has {len(rest) + 1} fields, needs {needs}"
                     raise FormatError(file.path, f"line {number}", reason)
-        return _Lines(fields, places)
-
-    def fail(self, index: int, reason: str) -> NoReturn:
-        path, number = self.places[index]
-        raise FormatError(path, f"line {number}", reason)
-
-    def none(self, bad: Array, reason: str) -> None:
-        """Fail at the first true element of ``bad`` (m,)."""
-        if bad.any():
-            self.fail(int(bad.argmax()), reason)
-
-    def check_numbers(self) -> None:
-        """Fail at the first field that is no number, whether or not it is used."""
-        owner = [i for i, fields in enumerate(self.fields) for _ in fields]
-        text = [field for fields in self.fields for field in fields]
-        numbers(text, lambda k, reason: self.fail(owner[k], reason))
-
-    def column(self, index: int) -> list[str]:
-        return [fields[index] for fields in self.fields]
-
-    def time(self) -> Array:
-        return nanoseconds(self.column(0), self.fail)
-
-    def numbers(self, index: int) -> Array:
-        return numbers(self.column(index), self.fail)
-
-    def once(self, time_ns: Array, key: Array, what: str) -> None:
-        """Fail at the first line that repeats the (time, key) of another."""
-        order = np.lexsort((key, time_ns))
-        same = (np.diff(time_ns[order]) == 0) & (np.diff(key[order]) == 0)
-        again = np.zeros(len(order), bool)
-        again[order[1:][same]] = True
-        self.none(again, f"a second {what} at the same time")
+                rows.append(rest)
+                places.append((file.path, number))
+            elif word and word not in FIELDS:
+                reason = f"{word[:40]!r} is not one of {' '.join(FIELDS)}"
+                raise FormatError(file.path, f"line {number}", reason)
+    if names is None:
+        owners = [place for place, row in zip(places, rows, strict=True) for _ in row]
+        Table({"field": [field for row in rows for field in row]}, owners).numbers("field")
+    keys = names or ("time",)
+    table = Table({key: [row[i] for row in rows] for i, key in enumerate(keys)}, places)
+    for name in table.columns:
+        if name == "time":
+            table.nanoseconds(name)
+        elif name != "anchor":
+            table.numbers(name)
+    return table
 
 
-def _ranges(lines: _Lines, params: Params) -> tuple[Stream, dict[str, Sensor]]:
-    time, distance, variance = lines.time(), lines.numbers(1), lines.numbers(2)
-    position = np.column_stack([lines.numbers(3), lines.numbers(4)])
-    lines.none(distance < 0, "the range is negative")
-    lines.none(variance <= 0, "the variance is not positive")
-    lines.numbers(6)
-    ids = lines.column(5)
+def _once(table: Table, time_ns: Array, key: Array, what: str) -> None:
+    """Fail at the first line that repeats the (time, key) of another."""
+    order = np.lexsort((key, time_ns))
+    same = (np.diff(time_ns[order]) == 0) & (np.diff(key[order]) == 0)
+    again = np.zeros(len(order), bool)
+    again[order[1:][same]] = True
+    table.none("time", again, f"a second {what} at the same time")
+
+
+def _ranges(table: Table, params: Params) -> tuple[Stream, dict[str, Sensor]]:
+    time = table.nanoseconds("time")
+    distance, variance = table.numbers("distance"), table.numbers("variance")
+    position = np.column_stack([table.numbers("x"), table.numbers("y")])
+    table.none("distance", distance < 0, "the range is negative")
+    table.none("variance", variance <= 0, "the variance is not positive")
+    ids = table.columns["anchor"]
     anchors, first, index = np.unique(ids, return_index=True, return_inverse=True)
     for i in first.tolist():
         if not NAME.fullmatch(ids[i]) or ids[i] == params.device:
-            lines.fail(i, f"{ids[i][:40]!r} cannot name an anchor")
-    lines.none((position != position[first][index]).any(axis=1), "the anchor has moved")
-    lines.once(time, index, "range of this anchor")
+            table.fail("anchor", i, f"{ids[i][:40]!r} cannot name an anchor")
+    table.none("x", (position != position[first][index]).any(axis=1), "the anchor has moved")
+    _once(table, time, index, "range of this anchor")
     sensors = {params.device: Sensor.device(0)}
     sensors |= {
         str(a): Sensor.static("anchor", position[i]) for a, i in zip(anchors, first, strict=True)
@@ -173,14 +155,14 @@ def _ranges(lines: _Lines, params: Params) -> tuple[Stream, dict[str, Sensor]]:
     bias = params.range_bias_std
     model = {"mean_los": 1.0, "mean_scatter": 0.0, "range_bias_std": bias}
     rows = {"distance": distance, "std": std}
-    return assemble("uwb", tuple(sensors), model, time, keys, rows), sensors
+    return to_stream("uwb", tuple(sensors), model, time, keys, rows), sensors
 
 
-def _truth(lines: _Lines) -> Truth:
-    time = lines.time()
-    lines.once(time, np.zeros_like(time), "point")
+def _truth(table: Table) -> Truth:
+    time = table.nanoseconds("time")
+    _once(table, time, np.zeros_like(time), "point")
     order = np.argsort(time, kind="stable")
-    state = np.column_stack([lines.numbers(1), lines.numbers(2)])[order]
+    state = np.column_stack([table.numbers("x"), table.numbers("y")])[order]
     n = len(time)
     names, units = ("device_x", "device_y"), ("m", "m")
     label = np.zeros(n, np.int64)

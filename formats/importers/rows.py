@@ -9,7 +9,7 @@ import numpy as np
 from ...models.records import Array, Stream
 
 
-def assemble(
+def to_stream(
     kind: str,
     nodes: tuple[str, ...],
     model: Mapping[str, object],

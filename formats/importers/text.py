@@ -1,11 +1,11 @@
-"""Logs in text form: files read whole, and their fields turned into numbers a column at a time."""
+"""Logs in text form: files read whole, and tables of their fields turned into numbers."""
 
 from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 from typing import NoReturn
@@ -22,10 +22,10 @@ TIME_UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 
 @dataclass(frozen=True, slots=True)
 class TextFile:
-    """A text file: its lines without their ends, and what provenance says of it."""
+    """A file of UTF-8 text, and what provenance says of it."""
 
     path: Path
-    lines: tuple[str, ...]
+    text: str
     sha256: str
 
     @property
@@ -33,14 +33,21 @@ class TextFile:
         """Name and digest."""
         return {"name": self.path.name, "sha256": self.sha256}
 
+    def lines(self) -> list[str]:
+        """The lines without their ends; FormatError if there is none, or one of insane length."""
+        lines = self.text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+        longest = max(map(len, lines))
+        if longest > LONGEST_LINE:
+            line = list(map(len, lines)).index(longest) + 1
+            reason = f"is longer than {LONGEST_LINE} characters"
+            raise FormatError(self.path, f"line {line}", reason)
+        if not self.text.strip():
+            raise FormatError(self.path, "line 1", "the file is empty")
+        return lines
 
-def read_text(path: Path) -> TextFile:
-    """The UTF-8 text file at ``path``.
 
-    Raises
-    ------
-    FormatError : the file cannot be read, is empty, or no text of sane lines
-    """
+def read_text(path: Path, of_lines: bool = True) -> TextFile:
+    """The text file at ``path``; FormatError if it cannot be read or is no text ``of_lines``."""
     try:
         data = path.read_bytes()
     except (OSError, ValueError) as error:
@@ -50,23 +57,56 @@ def read_text(path: Path) -> TextFile:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise FormatError(path, f"line {line}", "is not UTF-8 text") from error
-    lines = tuple(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"))
-    longest = max(map(len, lines))
-    if longest > LONGEST_LINE:
-        line = list(map(len, lines)).index(longest) + 1
-        raise FormatError(path, f"line {line}", f"is longer than {LONGEST_LINE} characters")
-    if not text.strip():
-        raise FormatError(path, "line 1", "the file is empty")
-    return TextFile(path, lines, hashlib.sha256(data).hexdigest())
+        place = f"line {line}" if of_lines else f"byte {error.start}"
+        raise FormatError(path, place, "is not UTF-8 text") from error
+    return TextFile(path, text, hashlib.sha256(data).hexdigest())
 
 
-Fail = Callable[[int, str], NoReturn]
-"""Raises the error of field ``index`` of a column, for a reason."""
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Fields of text: ``columns`` (m,) by key, and in ``places`` (m,) the file and line of each.
+
+    ``names`` is what messages call a column, where it has a name.
+    """
+
+    columns: Mapping[str, Sequence[str]]
+    places: Sequence[tuple[Path, int]]
+    names: Mapping[str, object] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def fail(self, key: str, index: int, reason: str) -> NoReturn:
+        """Raise what is wrong in a row of the column ``key``."""
+        path, line = self.places[index]
+        column = f", column {self.names[key]!r}" if key in self.names else ""
+        raise FormatError(path, f"line {line}{column}", reason)
+
+    def none(self, key: str, bad: Array, reason: str) -> None:
+        """Fail at the first row of ``bad`` (m,)."""
+        if bad.any():
+            self.fail(key, int(bad.argmax()), reason)
+
+    def numbers(self, key: str, missing: bool = False) -> Array:
+        """A column as finite float64 (m,); empty fields are NaN if ``missing``."""
+        return numbers(
+            self.columns[key], lambda index, reason: self.fail(key, index, reason), missing
+        )
+
+    def nanoseconds(self, key: str, unit: str = "s") -> Array:
+        """A column of times in ``unit`` as int64 nanoseconds (m,), rounded once."""
+        fields, scale = self.columns[key], TIME_UNITS[unit]
+        beyond = np.abs(self.numbers(key)) > 9e18 / 10.0**scale
+        for index in np.flatnonzero(beyond).tolist():
+            self.fail(key, index, f"{fields[index]!r} {unit} is beyond the years 1680 to 2260")
+        exact = (round(Decimal(field).scaleb(scale)) for field in fields)
+        return np.fromiter(exact, np.int64, len(fields))
 
 
-def numbers(fields: Sequence[str], fail: Fail, missing: bool = False) -> Array:
-    """The fields of one column as finite float64; empty ones are NaN if ``missing``.
+def numbers(
+    fields: Sequence[str], fail: Callable[[int, str], NoReturn], missing: bool = False
+) -> Array:
+    """Fields as finite float64; empty ones are NaN if ``missing``; ``fail`` raises of any other.
 
     Digits are those of ASCII, and nothing stands between them.
     """
@@ -96,13 +136,3 @@ def _reason(field: str) -> str:
         return "is empty, needs a number"
     hint = ": decimals are written with a point" if "," in field else ""
     return f"{text!r} is not a finite number{hint}"
-
-
-def nanoseconds(fields: Sequence[str], fail: Fail, unit: str = "s") -> Array:
-    """The fields of a column of times in ``unit`` as int64 nanoseconds, rounded once."""
-    scale = TIME_UNITS[unit]
-    limit = 9e18 / 10.0**scale
-    for index in np.flatnonzero(np.abs(numbers(fields, fail)) > limit).tolist():
-        fail(index, f"{fields[index]!r} {unit} is beyond the years 1680 to 2260")
-    exact = (round(Decimal(field).scaleb(scale)) for field in fields)
-    return np.fromiter(exact, np.int64, len(fields))

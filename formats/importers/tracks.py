@@ -12,7 +12,7 @@ Fixes = dict[int, dict[int, tuple[float, float]]]
 """Position x, y [m] of each object, by its label, at each time [ns]."""
 
 
-def together(fixes: Fixes, max_gap: float) -> Objects:
+def align(fixes: Fixes, max_gap: float) -> Objects:
     """All objects at every time of a fix at which each of them is known.
 
     Between two fixes at most ``max_gap`` [s] apart an object moves on a line; it is not known

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -11,13 +12,12 @@ from typing import IO, Any
 
 from mcap.records import Attachment, Channel, Message, Metadata
 
-from ...models.records import Estimates
-from . import writer as mcap
-from .reader import HEADER, TRAILER, read
-from .records import Records
+from ..windows import concatenate
+from .container import HEADER, TRAILER, Records
 from .windows import Windows
+from .writer import Writer
 
-_Place = tuple[str, int, int, bytes]
+_Found = tuple[str, int, int, bytes]
 """Topic, time, sequence number and data of a message."""
 
 
@@ -36,18 +36,18 @@ def oddities(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def _write(path: Path, target: IO[bytes]) -> None:
-    with closing(Windows(path, path)) as parts:
-        if parts.carries:
-            mcap.write(read(path, path), target)
-            return
-        single = isinstance(parts.head, Estimates)
-        writer: Any = mcap.EstimatesWriter(target) if single else mcap.RecordingWriter(target)
-        for window in parts:
+    with closing(Windows(path, path)) as own:
+        writer, beside = Writer(target), None
+        for window in own:
             writer.append(window)
-        writer.close(parts.head.meta)
+        if own.has_recording:
+            with closing(Windows(path, path, recording=True)) as parts:
+                whole: Any = concatenate(list(parts))
+                beside = replace(whole, meta=parts.meta)
+        writer.close(own.meta, beside)
 
 
-def _messages(records: Records) -> Iterator[_Place]:
+def _messages(records: Records) -> Iterator[_Found]:
     """The messages in order, and as such the attachments and metadata that are not ours."""
     topics: dict[int, str] = {}
     for record in records:
@@ -61,7 +61,7 @@ def _messages(records: Records) -> Iterator[_Place]:
             yield f"{type(record).__name__.lower()} {record.name[:80]}", 0, 0, b""
 
 
-def _difference(found: _Place | None, wanted: _Place | None) -> str:
+def _difference(found: _Found | None, wanted: _Found | None) -> str:
     if found is None or wanted is None:
         return "is missing" if found is None else "is not part of the content"
     if found[:2] != wanted[:2]:

@@ -1,6 +1,6 @@
 """The growing parts of a record as tables of MCAP messages: one message per scan or step.
 
-A table knows its topic, which leaves of the tree (see :mod:`.layout`) have one value per message
+A table knows its topic, which leaves of the record have one value per message
 and which have one per row, and how a message is encoded: JSON for link events and objects,
 ``foxglove.PointCloud`` for detections, ``foxglove.Grid`` for maps. Time is the message's
 ``log_time``. Fields that viewers need besides are derived when writing and ignored when reading.
@@ -22,8 +22,9 @@ from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from ...models.columns import MODES
+from ...models.records import Array
+from .. import leaves
 
-Array = np.ndarray[Any, Any]
 ColumnType = tuple[str, tuple[int, ...]]
 """Type and shape of one value of a column."""
 
@@ -32,7 +33,7 @@ _POINT_TYPES: Any = {"u1": 1, "i1": 2, "u2": 3, "i2": 4, "u4": 5, "i4": 6, "f4":
 """Numbers of ``foxglove.PackedElementField``'s types."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Table:
     """One topic: its schema, the paths of its leaves by column name, and the types by path.
 
@@ -193,50 +194,61 @@ def serialize(message: Message) -> bytes:
     return bytes(message.SerializeToString(deterministic=True))
 
 
-def column_types(leaves: Mapping[str, Array]) -> dict[str, ColumnType]:
-    """Type and value shape of the columns at the paths of ``leaves``."""
-    return {p: (a.dtype.str.lstrip("<|"), a.shape[1:]) for p, a in leaves.items()}
+def column_types(found: Mapping[str, Array]) -> dict[str, ColumnType]:
+    """Type and value shape of the columns at the paths of ``found``."""
+    return {p: (a.dtype.str.lstrip("<|"), a.shape[1:]) for p, a in found.items()}
 
 
-def tables(header: Mapping[str, Any], types: Mapping[str, ColumnType]) -> list[Table]:
-    """The tables of the record with the small leaves ``header`` and growing leaves ``types``."""
-    found: list[Table] = []
-    for name, stream in header.get("streams", {}).items():
-        group, nodes = f"streams/{name}", tuple(stream["nodes"])
-        scan, rows = _columns(types, f"{group}/scan/"), _columns(types, f"{group}/rows/")
-        if stream["kind"] == "uwb":
-            topic = "/uwb/measurements" if name == "uwb" else f"/uwb/{name}/measurements"
-            found.append(Table(group, topic, "echoset.UwbMeasurement", scan, rows, types, nodes))
-            continue
-        topic = f"/radar/{name}"
-        maps = {c: scan.pop(c) for c in (MAP,) if c in scan}
-        if scan:
-            table = Table(group, f"{topic}/scan", "echoset.Scan", scan, {}, types, nodes)
-            found.append(replace(table, primary=False))
-        if stream["kind"] == "range_angle_map":
-            found.append(
-                Table(group, f"{topic}/range_angle", "foxglove.Grid", maps, rows, types, nodes)
-            )
-        else:
-            found.append(
-                Table(group, f"{topic}/detections", "foxglove.PointCloud", {}, rows, types, nodes)
-            )
-    if "truth" in header:
-        rows = _columns(types, "truth/objects/")
-        found.append(Table("truth/objects", "/truth/objects", "echoset.ObjectSet", {}, rows, types))
-        links = _columns(types, "truth/blocked/")
-        table = Table("truth/blocked", "/truth/blocked", "echoset.BlockedLink", links, {}, types)
-        found.append(replace(table, ragged=False))
-    if header["kind"] == "estimates":
-        topic = f"/estimates/{header['estimator']}/objects"
-        steps, rows = _columns(types, "steps/"), _columns(types, "objects/")
-        if not steps.keys().isdisjoint(rows):
+def tables(
+    small: Mapping[str, Any], types: Mapping[str, ColumnType], estimator: str = ""
+) -> list[Table]:
+    """The tables of the record with these ``small`` leaves and growing leaves ``types``."""
+    groups: dict[str, tuple[dict[str, str], dict[str, str]]] = {}
+    for path in types:
+        name = path.rpartition("/")[2]
+        columns = groups.setdefault(leaves.table(path), ({}, {}))[leaves.per_row(path)]
+        if name in columns or name in groups[leaves.table(path)][not leaves.per_row(path)]:
             raise ValueError("a diagnostic has the name of a column of objects")
-        found.append(Table("objects", topic, "echoset.ObjectSet", steps, rows, types))
+        if name not in ("time_ns", "row_offset"):
+            columns[name] = path
+    found: list[Table] = []
+    for group, (scan, rows) in groups.items():
+        if group.startswith("streams/"):
+            found += _of_stream(group, small, scan, rows, types)
+        elif group == "truth/blocked":
+            schema = "echoset.BlockedLink"
+            found.append(Table(group, f"/{group}", schema, scan, rows, types, ragged=False))
+        else:
+            topic = (
+                "/truth/objects" if group == "truth/objects" else f"/estimates/{estimator}/objects"
+            )
+            found.append(Table(group, topic, "echoset.ObjectSet", scan, rows, types))
     return found
 
 
-def _columns(types: Mapping[str, ColumnType], start: str) -> dict[str, str]:
-    """Paths of the columns below ``start`` by name, the index columns left out."""
-    paths = {p[len(start) :]: p for p in types if p.startswith(start)}
-    return {n: p for n, p in paths.items() if n not in ("time_ns", "row_offset")}
+def _of_stream(
+    group: str,
+    small: Mapping[str, Any],
+    scan: dict[str, str],
+    rows: dict[str, str],
+    types: Mapping[str, ColumnType],
+) -> list[Table]:
+    """The tables of a stream: that of its scans, after one of their values where it has such."""
+    name, nodes = group.removeprefix("streams/"), tuple(small[f"{group}/nodes"])
+    if small[f"{group}/kind"] == "uwb":
+        topic = "/uwb/measurements" if name == "uwb" else f"/uwb/{name}/measurements"
+        return [Table(group, topic, "echoset.UwbMeasurement", scan, rows, types, nodes)]
+    topic = f"/radar/{name}"
+    maps = {c: scan.pop(c) for c in (MAP,) if c in scan}
+    found = []
+    if scan:
+        table = Table(group, f"{topic}/scan", "echoset.Scan", scan, {}, types, nodes)
+        found.append(replace(table, primary=False))
+    if small[f"{group}/kind"] == "range_angle_map":
+        found.append(
+            Table(group, f"{topic}/range_angle", "foxglove.Grid", maps, rows, types, nodes)
+        )
+    else:
+        schema = "foxglove.PointCloud"
+        found.append(Table(group, f"{topic}/detections", schema, {}, rows, types, nodes))
+    return found

@@ -1,10 +1,9 @@
 """MCAP: the stream, for pipes and viewers.
 
 A file holds one section per record: the estimates, and the recording where it travels along. A
-section starts with an attachment that holds the small leaves of the tree (see :mod:`.layout`);
-its messages hold the tables of :mod:`.tables`; a metadata record at the end of the file holds
-provenance, tokens and digests. ``/tf``, ``.../scene`` and ``.../outlines`` are for viewers and not
-read back.
+section starts with an attachment that holds the small leaves; its messages hold the tables of
+:mod:`.tables`; a metadata record at the end of the file holds provenance and digests. ``/tf``,
+``.../scene`` and ``.../outlines`` are for viewers and not read back.
 """
 
 from __future__ import annotations
@@ -19,34 +18,18 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from mcap.writer import Writer
+from mcap.writer import Writer as McapWriter
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from ...models.errors import ParameterError
 from ...models.records import Estimates, Meta, Recording
-from .. import layout
-from .. import tree as trees
-from ..tree import ArrayToken
-from .header import header
-from .reader import HEADER, TRAILER, Source, read, summary
-from .records import MAGIC, MESSAGE
+from .. import leaves
+from ..leaves import ArrayDigest, Leaf
+from .container import HEADER, MESSAGE, TRAILER
 from .schemas import SCHEMAS
 from .tables import Table, column_types, tables
 from .viewers import outlines
 from .viewers import shapes as scene
-from .windows import Windows
-
-__all__ = [
-    "MAGIC",
-    "EstimatesWriter",
-    "Windows",
-    "RecordingWriter",
-    "Source",
-    "summary",
-    "read",
-    "header",
-    "write",
-]
 
 SUMMARY = "MCAP, for pipes and viewers"
 SUFFIXES = (".mcap",)
@@ -81,7 +64,7 @@ class _File:
         file = target.open("wb") if isinstance(target, Path) else target
         self._close = file.close if isinstance(target, Path) else file.flush
         counting: Any = _Counting(file)
-        self.mcap: Any = Writer(counting, enable_data_crcs=True)
+        self.mcap: Any = McapWriter(counting, enable_data_crcs=True)
         self.mcap.start(library="echoset")
         self._channels: dict[str, tuple[int, count[int]]] = {}
         self._schemas: dict[str, int] = {}
@@ -113,13 +96,14 @@ class _File:
         data = kind.SerializeToString(deterministic=True)
         return int(self.mcap.register_schema(schema, "protobuf", data))
 
-    def finish(self, tokens: dict[str, str], provenance: dict[str, str]) -> None:
+    def finish(self, digests: dict[str, str], provenance: dict[str, str]) -> None:
         """Write the trailer; the file is complete after this and only after this."""
+        header = leaves.header(digests)
         trailer = {
-            "format_version": str(layout.FORMAT_VERSION),
-            "content_digest": trees.digest(tokens),
-            "observed_digest": trees.observed_digest(tokens),
-            "tokens": json.dumps(tokens, sort_keys=True),
+            "format_version": str(header["format_version"]),
+            "content_digest": header["content_digest"],
+            "observed_digest": header["observed_digest"],
+            "tokens": json.dumps(digests, sort_keys=True),
             "provenance": json.dumps(provenance, sort_keys=True),
         }
         self.mcap.add_metadata(TRAILER, trailer)
@@ -132,17 +116,17 @@ class _File:
 
 
 class _Section:
-    """One record being written: its tables and the tokens of what was written so far."""
+    """One record being written: its tables and the digests of what was written so far."""
 
     def __init__(self, file: _File, record: Recording | Estimates) -> None:
-        leaves = trees.flatten(layout.to_tree(record))
-        grow = {p: v for p, v in leaves.items() if layout.grows(p) and isinstance(v, np.ndarray)}
-        small = {p: v for p, v in leaves.items() if p not in grow and p != "provenance"}
-        self._tokens: dict[str, str | ArrayToken] = dict(trees.tokens(small))
+        own = leaves.of(record)
+        grow = {p: v for p, v in own.items() if leaves.grows(p) and isinstance(v, np.ndarray)}
+        small = {p: v for p, v in own.items() if p not in grow and p != "provenance"}
+        self._digests: dict[str, str | ArrayDigest] = dict(leaves.digests(small))
         self._rows: dict[str, int] = {}
         estimator = record.estimator if isinstance(record, Estimates) else ""
         types = column_types(grow)
-        self._tables = tables({**trees.unflatten(small), "estimator": estimator}, types)
+        self._tables = tables(small, types, estimator)
         header = {
             "estimator": estimator,
             "leaves": {p: _to_json(v) for p, v in small.items()},
@@ -157,9 +141,9 @@ class _Section:
 
     def messages(self, record: Recording | Estimates) -> Iterator[_Message]:
         """All messages of ``record`` (the next steps, or the whole) in the order of time."""
-        leaves = trees.flatten(layout.to_tree(record))
-        parts = [self._table(table, leaves) for table in self._tables]
-        ends = (np.max(leaves[f"{t.group}/time_ns"], initial=0) for t in self._tables)
+        own = leaves.of(record)
+        parts = [self._table(table, own) for table in self._tables]
+        ends = (np.max(own[f"{t.group}/time_ns"], initial=0) for t in self._tables)
         end = max(map(int, ends), default=0)
         return merge(*parts, *_objects_for_the_eye(record), self._poses_until(end))
 
@@ -172,21 +156,21 @@ class _Section:
         """Poses after the last message."""
         return self._poses_until(inf)
 
-    def _table(self, table: Table, leaves: dict[str, Any]) -> Iterator[_Message]:
-        times = leaves[f"{table.group}/time_ns"]
+    def _table(self, table: Table, own: dict[str, Any]) -> Iterator[_Message]:
+        times = own[f"{table.group}/time_ns"]
         offset = np.zeros(len(times) + 1, np.int64)
         if table.ragged:
-            offset = leaves[f"{table.group}/row_offset"]
+            offset = own[f"{table.group}/row_offset"]
         if table.primary:
             self._index(table, times, offset)
         columns = {**table.scan, **table.rows}
         for path in columns.values():
-            self._update(path, leaves[path])
+            self._update(path, own[path])
         if len(times) and times[0] < 0:
             raise ParameterError(f"{table.topic}: MCAP has no times before the epoch")
         for k, time_ns in enumerate(times.tolist()):
-            scan = {c: leaves[p][k] for c, p in table.scan.items()}
-            rows = {c: leaves[p][offset[k] : offset[k + 1]] for c, p in table.rows.items()}
+            scan = {c: own[p][k] for c, p in table.scan.items()}
+            rows = {c: own[p][offset[k] : offset[k + 1]] for c, p in table.rows.items()}
             data = table.encode(scan, rows, time_ns)
             yield time_ns, table.group, k, table.primary, table.topic, table.schema, data
 
@@ -195,21 +179,21 @@ class _Section:
         if table.ragged:
             path = f"{table.group}/row_offset"
             first = self._rows.setdefault(path, 0)
-            self._update(path, (offset[1:] if path in self._tokens else offset) + first)
+            self._update(path, (offset[1:] if path in self._digests else offset) + first)
             self._rows[path] += int(offset[-1])
 
     def _update(self, path: str, part: Any) -> None:
-        token = self._tokens.setdefault(path, ArrayToken())
-        assert isinstance(token, ArrayToken)
-        token.update(part)
+        digest = self._digests.setdefault(path, ArrayDigest())
+        assert isinstance(digest, ArrayDigest)
+        digest.update(part)
 
-    def tokens(self, provenance: str) -> dict[str, str]:
-        """The tokens of everything written."""
-        tokens = {path: str(token) for path, token in self._tokens.items()}
-        return {**tokens, "provenance": trees.token(provenance)}
+    def digests(self, provenance: str) -> dict[str, str]:
+        """The digests of everything written."""
+        digests = {path: str(digest) for path, digest in self._digests.items()}
+        return {**digests, "provenance": leaves.digest_of(provenance)}
 
 
-def _to_json(leaf: trees.Leaf) -> Any:
+def _to_json(leaf: Leaf) -> Any:
     if isinstance(leaf, np.ndarray):
         return {"dtype": leaf.dtype.str, "shape": leaf.shape, "data": leaf.ravel().tolist()}
     return leaf
@@ -242,81 +226,36 @@ def _poses_for_the_eye(record: Recording | Estimates) -> Iterator[_Message]:
     return merge(_named("/tf", "foxglove.FrameTransform", poses), drawn)
 
 
-def write(record: Recording | Estimates, target: Path | IO[bytes]) -> None:
-    """Write ``record`` whole."""
-    writer: EstimatesWriter | RecordingWriter
-    if isinstance(record, Estimates):
-        writer = EstimatesWriter(target)
-        try:
-            writer.append(record)
-            writer.close(record.meta, record.recording)
-        finally:
-            writer.abort()
-        return
-    writer = RecordingWriter(target)
-    try:
-        writer.append(record)
-        writer.close(record.meta)
-    finally:
-        writer.abort()
-
-
-class RecordingWriter:
-    """Writes a recording window by window of time."""
+class Writer:
+    """Writes a record window by window of time."""
 
     def __init__(self, target: Path | IO[bytes]) -> None:
         self._file = _File(target)
         self._section: _Section | None = None
 
-    def append(self, window: Recording) -> None:
-        """Take the next scans and truth; sensors and models are those of the first window."""
+    def append(self, window: Recording | Estimates) -> None:
+        """Take the next scans and truth, or steps; sensors and models are those of the first."""
+        if isinstance(window, Estimates):
+            window = replace(window, recording=None)
         if self._section is None:
             self._section = _Section(self._file, window)
         self._file.take(self._section.messages(window))
 
-    def close(self, meta: Meta) -> None:
-        """Finish the file with its ``meta``."""
+    def close(self, meta: Meta, recording: Recording | None = None) -> None:
+        """Finish the file with its ``meta`` and the recording that travels along, if any."""
         try:
             assert self._section is not None, "nothing was appended"
             self._file.take(self._section.rest())
-            provenance = layout.provenance(meta)
-            self._file.finish(self._section.tokens(provenance), {"": provenance})
-        finally:
-            self.abort()
-
-    def abort(self) -> None:
-        """Close the file as it is."""
-        self._file.close()
-
-
-class EstimatesWriter:
-    """Writes estimates step by step."""
-
-    def __init__(self, target: Path | IO[bytes]) -> None:
-        self._file = _File(target)
-        self._section: _Section | None = None
-
-    def append(self, estimates: Estimates) -> None:
-        """Take the next steps; their provenance names the estimator."""
-        estimates = replace(estimates, recording=None)
-        if self._section is None:
-            self._section = _Section(self._file, estimates)
-        self._file.take(self._section.messages(estimates))
-
-    def close(self, meta: Meta, recording: Recording | None = None) -> None:
-        """Finish the file with its provenance and the recording that travels along, if any."""
-        try:
-            assert self._section is not None, "nothing was appended"
-            provenance = {"": layout.provenance(meta)}
-            tokens = self._section.tokens(provenance[""])
+            provenance = {"": leaves.json_of(meta.provenance)}
+            digests = self._section.digests(provenance[""])
             if recording is not None:
                 section = _Section(self._file, recording)
                 self._file.take(section.messages(recording))
                 self._file.take(section.rest())
-                provenance["recording"] = layout.provenance(recording.meta)
-                carried = section.tokens(provenance["recording"])
-                tokens |= {f"recording/{path}": token for path, token in carried.items()}
-            self._file.finish(tokens, provenance)
+                provenance["recording"] = leaves.json_of(recording.meta.provenance)
+                beside = section.digests(provenance["recording"])
+                digests |= {f"recording/{path}": digest for path, digest in beside.items()}
+            self._file.finish(digests, provenance)
         finally:
             self.abort()
 

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 
 from ...models.records import Array
-from ...models.scatter import bearing, sector
+from ...models.scatter import sector, sector_gradient
 from ...models.uwb import device_position
 
 STATE = ("x", "y", "vx", "vy", "b_rho", "b_phi", "a", "b", "w")
@@ -38,22 +38,11 @@ def scatterers(y: Array, anchor: Array, opening: float) -> tuple[Array, Array]:
 
     The points are those of :func:`echoset.models.scatter.sector`.
     """
-    p, axes, w = y[:2], y[6:8], y[8]
-    u, t, _ = nodes()
-    theta = bearing(p, anchor) + opening * (u - 0.5)
-    q = sector(u, t, p, anchor, axes, w, opening)
-    cos, sin = np.cos(theta), np.sin(theta)
-    rim, turn = np.stack([cos, sin], -1) * axes, np.stack([-sin, cos], -1) * axes
-    d = anchor - p
-    phi_p = np.array([d[1], -d[0]]) / (d @ d)
-    shrink = (1 - 2 * t * w / axes.sum())[:, None]
+    u, s, _ = nodes()
+    shape = y[:2], anchor, y[6:8], y[8], opening
     G = np.zeros((len(u), 2, len(STATE)))
-    G[:, :, :2] = np.eye(2) + (shrink * turn)[:, :, None] * phi_p
-    G[:, :, 6:8] = ((2 * t * w / axes.sum() ** 2)[:, None] * rim)[:, :, None]
-    G[:, 0, 6] += shrink[:, 0] * cos
-    G[:, 1, 7] += shrink[:, 0] * sin
-    G[:, :, 8] = (-2 * t / axes.sum())[:, None] * rim
-    return q, G
+    G[:, :, [0, 1, 6, 7, 8]] = sector_gradient(u, s, *shape)
+    return sector(u, s, *shape), G
 
 
 def device(y: Array) -> tuple[Array, Array]:

@@ -24,8 +24,8 @@ from ...models.motion import constant_velocity
 from ...models.parameters import parameter, require
 from ...models.records import Array, Estimates, Recording, Scores, Stream
 from ...models.uwb import free_space_amplitude, range_std
-from ..kit.alignment import Window, interpolate, seconds
-from ..kit.table import concatenate, rows
+from ..kit.alignment import ScoredObject, interpolate, seconds
+from ..kit.table import rows
 from . import paths
 from .information import covariance_bounds, information
 
@@ -39,51 +39,58 @@ QUADRATIC = ("pcrlb",)
 
 
 @dataclass(frozen=True, slots=True)
-class Params(Window):
+class Params(ScoredObject):
     """The filter's model: measurements, transitions, prior."""
 
-    mean_scatter: float = parameter(5.0, "1", "mean number of scatter measurements of a link")
-    mean_clutter: float = parameter(5.0, "1", "mean number of clutter measurements of a link")
-    mean_los: float = parameter(1.0, "1", "mean number of line-of-sight measurements of a link")
-    max_range: float = parameter(20.0, "m", "clutter is uniform up to this range")
-    rms_bandwidth: float = parameter(500e6 / 12**0.5, "Hz", "root mean square bandwidth")
+    TITLE = "the filter's model"
+    STREAMS = ("uwb",)
+    mean_scatter: float = parameter(
+        5.0, "1", "mean number of scatter measurements of a link", within="[0, inf)"
+    )
+    mean_clutter: float = parameter(
+        5.0, "1", "mean number of clutter measurements of a link", within="[0, inf)"
+    )
+    mean_los: float = parameter(
+        1.0, "1", "mean number of line-of-sight measurements of a link", within="[0, inf)"
+    )
+    max_range: float = parameter(
+        20.0, "m", "clutter is uniform up to this range", within="(0, inf)"
+    )
+    rms_bandwidth: float = parameter(
+        500e6 / 12**0.5, "Hz", "root mean square bandwidth", within="(0, inf)"
+    )
     snr_db: float = parameter(30.0, "dB", "signal-to-noise ratio of a path of one metre")
-    opening_angle: float = parameter(2 * np.pi / 3, "rad", "opening angle of the sector")
-    width: float = parameter(0.1, "m", "true depth of the scattering sector")
-    std_acceleration: float = parameter(2.0, "m s-2", "white acceleration")
-    std_bias_distance: float = parameter(0.1, "m", "random walk of b_rho per step")
-    std_bias_angle: float = parameter(0.5, "rad", "random walk of b_phi per step")
-    std_axes: float = parameter(0.05, "m", "random walk of a and b per step")
-    std_depth: float = parameter(0.05, "m", "random walk of w per step")
-    prior_velocity: float = parameter(1.0, "m s-1", "standard deviation of v at first")
-    prior_bias_distance: float = parameter(0.6, "m", "b_rho at first: uniform from 0 to this")
-    prior_axes: tuple[float, float] = parameter((0.1, 0.5), "m", "a and b at first: uniform")
-    prior_depth: tuple[float, float] = parameter((0.01, 0.2), "m", "w at first: uniform")
+    opening_angle: float = parameter(
+        2 * np.pi / 3, "rad", "opening angle of the sector", within="(0, 6.283185307179587]"
+    )
+    width: float = parameter(0.1, "m", "true depth of the scattering sector", within="(0, inf)")
+    std_acceleration: float = parameter(2.0, "m s-2", "white acceleration", within="(0, inf)")
+    std_bias_distance: float = parameter(
+        0.1, "m", "random walk of b_rho per step", within="(0, inf)"
+    )
+    std_bias_angle: float = parameter(
+        0.5, "rad", "random walk of b_phi per step", within="(0, inf)"
+    )
+    std_axes: float = parameter(0.05, "m", "random walk of a and b per step", within="(0, inf)")
+    std_depth: float = parameter(0.05, "m", "random walk of w per step", within="(0, inf)")
+    prior_velocity: float = parameter(
+        1.0, "m s-1", "standard deviation of v at first", within="(0, inf)"
+    )
+    prior_bias_distance: float = parameter(
+        0.6, "m", "b_rho at first: uniform from 0 to this", within="(0, inf)"
+    )
+    prior_axes: tuple[float, float] = parameter(
+        (0.1, 0.5), "m", "a and b at first: uniform", within="[0, inf)"
+    )
+    prior_depth: tuple[float, float] = parameter(
+        (0.01, 0.2), "m", "w at first: uniform", within="[0, inf)"
+    )
 
     def __post_init__(self) -> None:
-        Window.__post_init__(self)
-        for name in ("mean_scatter", "mean_clutter", "mean_los"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        for name in _POSITIVE:
-            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
+        ScoredObject.__post_init__(self)
         for name in ("prior_axes", "prior_depth"):
             low, high = getattr(self, name)
-            require(0 <= low < high, name, "a range above 0", getattr(self, name))
-
-
-_POSITIVE = (
-    "max_range",
-    "rms_bandwidth",
-    "opening_angle",
-    "width",
-    "std_acceleration",
-    "std_bias_distance",
-    "std_bias_angle",
-    "std_axes",
-    "std_depth",
-    "prior_velocity",
-    "prior_bias_distance",
-)
+            require(low < high, name, "low < high", (low, high))
 
 
 def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
@@ -130,7 +137,7 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
     valid = (P[:, 5, 5] <= 1.0)[inside]
     key = recording.meta.name, "", f"{name}-valid", "device"
     tables += [rows(key, time, valid), rows(key, np.nan, valid.mean(), len(valid))]
-    return concatenate(tables)
+    return Scores.join(tables)
 
 
 def _stream(recording: Recording) -> Stream:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from echoset.campaign import makefile
+from echoset.campaign.batch import makefile
 from echoset.campaign.outputs import Target
 from echoset.models.errors import ParameterError
 

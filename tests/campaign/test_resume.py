@@ -12,8 +12,9 @@ import h5py
 import pytest
 
 from echoset import formats
-from echoset.campaign.estimate import Task, decide
+from echoset.campaign.estimate import Task
 from echoset.campaign.outputs import Existing, plan
+from echoset.estimators.run import Estimation
 from echoset.formats import provenance
 from echoset.models.errors import FormatError, OutputError
 from echoset.models.records import Recording
@@ -116,12 +117,12 @@ def test_output_of_a_worker_that_was_lost_after_it_had_written(run, rec, tmp_pat
     """It was not there when the run began: what is there now is its own, or a stranger's."""
     path = tmp_path / "est.h5"
     target = plan(str(path), ["est"], None, Existing())[0]
-    task = Task(str(rec), target, "mean", (), True, 1)
-    assert decide(task).action == "run"
+    task = Task(str(rec), target, Estimation("mean"))
+    assert task.decide().action == "run"
     assert run("estimate", "-e", "mean", rec, "-o", path).code == 0
-    assert decide(task).action == "skip"
+    assert task.decide().action == "skip"
     with pytest.raises(OutputError, match="exists already"):
-        decide(replace(task, seed=2))
+        replace(task, asked=Estimation("mean", seed=2)).decide()
 
 
 def test_truth_counts_for_the_oracle(run, tmp_path):

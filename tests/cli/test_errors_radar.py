@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from echoset import formats
-from echoset.formats.hdf5 import reader as hdf5_reader
-from echoset.formats.mcap import reader as mcap_reader
+from echoset.formats import windows
 from echoset.models.errors import FormatError
 from echoset.models.records import Meta, Recording, Sensor, Stream
 
@@ -64,8 +63,7 @@ BAD = {
 
 @pytest.fixture(autouse=True)
 def small_windows(monkeypatch):
-    monkeypatch.setattr(hdf5_reader, "WINDOW", 8)
-    monkeypatch.setattr(mcap_reader, "_WINDOW", 8)
+    monkeypatch.setattr(windows, "WINDOW", 8)
 
 
 @pytest.mark.parametrize("estimator", ["phd", "mbm"])

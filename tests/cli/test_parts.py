@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from echoset.campaign.batch import _portable
+from echoset.campaign.batch.run import _portable
 from echoset.campaign.exits import worst
 from echoset.campaign.layers import assignments
 from echoset.models.errors import FormatError, ParameterError

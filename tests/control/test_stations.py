@@ -9,7 +9,7 @@ import echoset
 from echoset.campaign.scenarios import find
 from echoset.control import stations
 from echoset.control.stations import REPLACED, Condition
-from echoset.formats.steps import concatenate
+from echoset.formats.windows import concatenate
 from echoset.models.parameters import resolve
 from echoset.models.random import generator
 from echoset.simulate import jsc

@@ -11,6 +11,7 @@ import yaml
 from echoset.control import surveillance
 from echoset.control.runs import Runs, campaign, join, mean_over, numbers, paired
 from echoset.estimators.points import phd
+from echoset.estimators.presets import preset
 from echoset.models.checks import check
 from echoset.models.errors import ParameterError
 from echoset.models.parameters import as_dict, resolve
@@ -65,7 +66,7 @@ def test_the_filter_over_the_recording_finds_what_the_loop_knew():
     world = scene.world(params, generator(1, "test", "run"))
     steps = list(surveillance.loop(params, world))
     model = recording.streams["radar"].model
-    filter_ = resolve(phd.Params, ("preset", phd.PRESETS["surveillance"]), ("model", model))
+    filter_ = resolve(phd.Params, ("preset", preset("phd", "surveillance")), ("model", model))
     again = phd.estimate(recording.setup(), recording.scans(), filter_, np.random.default_rng(0))
     for estimates, step in zip(again, steps, strict=True):
         for b, name in enumerate(params.names()):

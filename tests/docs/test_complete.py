@@ -15,10 +15,10 @@ from mcap.reader import make_reader
 from echoset import formats
 from echoset.cli.describe import GROUPS
 from echoset.cli.main import commands
-from echoset.formats import layout, tree
+from echoset.formats import leaves
 from echoset.formats.importers.csv import mapping
 from echoset.models.classifier import SHAPES
-from echoset.models.columns import COLUMNS, REQUIRED
+from echoset.models.columns import COLUMNS, ESTIMATES, RECORDING, REQUIRED, Leaf, declared
 from echoset.models.records import Estimates, Recording, Scores
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -107,18 +107,20 @@ def test_every_column(reference) -> None:
         assert f"`{kind}`" in text and all(f"`{name}`" in text for name in names)
 
 
+@pytest.mark.parametrize("leaf", {*RECORDING, *ESTIMATES}, ids=lambda leaf: leaf.path)
+def test_every_leaf(leaf: Leaf) -> None:
+    """Each has the row that its declaration gives; the objects of truth those of estimates."""
+    kind = f"`{leaf.type}`" if leaf.type in ("i4", "i8", "f8") else leaf.type
+    kind += f" ({', '.join(leaf.shape)})" if leaf.shape else ""
+    path = leaf.path.replace("truth/objects/", "objects/")
+    row = f"| `{path}` | {kind.strip()} | {leaf.unit} | {leaf.meaning} |"
+    assert row in (DOCS / "formats.md").read_text().splitlines()
+
+
 @pytest.mark.parametrize("suffix", ["recording", "estimates"])
-def test_every_path(suffix, recording: Recording, estimates: Estimates) -> None:
-    text = (DOCS / "formats.md").read_text()
+def test_every_path_is_declared(suffix, recording: Recording, estimates: Estimates) -> None:
     record = recording if suffix == "recording" else estimates
-    for path in tree.flatten(layout.to_tree(record)):
-        general = re.sub(r"^sensors/[^/]+", "sensors/<sensor>", path)
-        general = re.sub(r"^streams/[^/]+", "streams/<stream>", general)
-        general = re.sub(r"/model/.*", "/model/<name>", general)
-        general = re.sub(r"/(scan|rows)/[^/]+$", r"/\1/<column>", general)
-        general = re.sub(r"^steps/(?!cardinality).*", "steps/<name>", general)
-        general = general.removeprefix("truth/") if "/objects/" in general else general
-        assert f"`{general}`" in text, path
+    assert all(declared(path) for path in leaves.of(record))
 
 
 def test_every_topic_and_schema(recording: Recording, estimates: Estimates, tmp_path: Path) -> None:
@@ -142,7 +144,7 @@ def test_scores_weights_and_mappings(written) -> None:
     for name, shape in SHAPES.items():
         assert f"`{name}`" in text and ", ".join(map(str, shape)) in text
     page = (DOCS / "recordings.md").read_text()
-    for field in dataclasses.fields(mapping.Layout):
+    for field in dataclasses.fields(mapping.Mapping):
         assert f"`{field.name}`" in page, field.name
     for kind in mapping.MEASUREMENT:
         (row,) = (line for line in page.splitlines() if line.startswith(f"| `{kind}` |"))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from echoset import formats
-from echoset.formats import layout, tree
+from echoset.formats import leaves
 from echoset.models.records import Estimates, Recording
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "readers"
@@ -48,7 +48,7 @@ def test_it_reads_the_same_and_finds_the_same_digest(
     path = tmp_path / f"x.{suffix}"
     formats.write(record, path, suffix)
     found, stated = reader.read(str(path))
-    expected = tree.flatten(layout.to_tree(record))
+    expected = leaves.of(record)
     assert found.keys() == expected.keys()
     for name, leaf in expected.items():
         np.testing.assert_array_equal(found[name], leaf, err_msg=name)

@@ -14,19 +14,15 @@ import pytest
 from mcap.writer import Writer
 
 from echoset import formats
-from echoset.formats import layout, tree
-from echoset.formats.steps import part
+from echoset.formats import leaves
+from echoset.formats.windows import part
 from echoset.models.errors import FormatError
 
 FORMATS = ("h5", "mcap")
 
 
-def leaves(record):
-    return tree.flatten(layout.to_tree(record))
-
-
 def assert_equal(first, second):
-    a, b = leaves(first), leaves(second)
+    a, b = leaves.of(first), leaves.of(second)
     assert a.keys() == b.keys()
     for path, leaf in a.items():
         if isinstance(leaf, np.ndarray):
@@ -63,7 +59,7 @@ def test_conversion_there_and_back_gives_equal_bytes(recording, estimates, tmp_p
 @pytest.mark.parametrize("format", FORMATS)
 def test_step_by_step_gives_the_bytes_of_the_whole(estimates, tmp_path, format):
     formats.write(estimates, tmp_path / "whole", format)
-    writer = formats.estimates_writer(tmp_path / "steps", format)
+    writer = formats.writer(tmp_path / "steps", format)
     for k in range(len(estimates.objects.time_ns)):
         writer.append(part(estimates, k, k + 1))
     writer.close(estimates.meta)
@@ -161,7 +157,7 @@ def test_truncation_anywhere_is_refused(recording, tmp_path, format):
 def test_no_flipped_bit_changes_content_unseen(recording, tmp_path, format):
     formats.write(recording, tmp_path / "a", format)
     data = bytearray((tmp_path / "a").read_bytes())
-    expected = tree.digest(tree.tokens(leaves(recording)))
+    expected = leaves.content_digest(recording)
     rng = np.random.default_rng(3)
     refused = 0
     for bit in rng.integers(0, 8 * len(data), 150):
@@ -173,7 +169,7 @@ def test_no_flipped_bit_changes_content_unseen(recording, tmp_path, format):
         except FormatError:
             refused += 1
         else:
-            assert tree.digest(tree.tokens(leaves(record))) == expected
+            assert leaves.content_digest(record) == expected
     assert refused > 30
 
 

@@ -24,11 +24,10 @@ import zstandard
 from mcap.writer import CompressionType, Writer
 
 from echoset import formats
+from echoset.formats import leaves, weights
 from echoset.formats import scores as scores
-from echoset.formats import tree as trees
-from echoset.formats import weights
 from echoset.formats.importers import autoferry, labyrinth
-from echoset.formats.mcap.reader import HEADER
+from echoset.formats.mcap.container import HEADER
 from echoset.models import plain_yaml
 from echoset.models.errors import FormatError, ParameterError
 
@@ -71,7 +70,7 @@ def resealed(path, edit, **tokens):
         found = {name: text for name, text in found.items() if text is not None}
         del file["tokens"]
         file["tokens"] = np.bytes_(json.dumps(found).encode())
-        for name, value in (("content", trees.digest(found)), ("observed", "")):
+        for name, value in (("content", leaves.digest(found)), ("observed", "")):
             file.attrs[f"{name}_digest"] = np.bytes_(value.encode())
     return path
 
@@ -117,7 +116,7 @@ def test_headers_of_h5_of_deep_json_or_cut(estimates, tmp_path):
         formats.write(estimates, path, "h5")
         refused(edited(path, put(name, data)), "/: ", read=formats.header)
     formats.write(estimates, path, "h5")
-    text = {"provenance": trees.token(deep.decode())}
+    text = {"provenance": leaves.digest_of(deep.decode())}
     refused(resealed(path, put("provenance", deep), **text), "provenance", read=formats.header)
     formats.write(estimates, path, "h5")
     path.write_bytes(path.read_bytes()[:-9])
@@ -241,7 +240,7 @@ def test_h5_data_in_other_files(h5, tmp_path):
     def put(file):
         file.create_dataset("x", (4,), "f8", external=[("/etc/passwd", 0, 32)])
 
-    refused(edited(h5, put), "x: type")
+    refused(edited(h5, put), "x: an external dataset")
 
     def virtual(file):
         del file["x"]
@@ -249,7 +248,7 @@ def test_h5_data_in_other_files(h5, tmp_path):
         layout[:] = h5py.VirtualSource(str(tmp_path / "none.h5"), "x", (4,))
         file.create_virtual_dataset("x", layout)
 
-    refused(edited(h5, virtual), "x: type")
+    refused(edited(h5, virtual), "x: a virtual dataset")
 
 
 def test_h5_text_in_a_heap(h5):

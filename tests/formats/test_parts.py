@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from echoset import formats
-from echoset.formats import layout, steps, tree
-from echoset.formats.mcap import windows as mcap_parts
+from echoset.formats import leaves
+from echoset.formats import windows as steps
 from echoset.models.errors import FormatError
 from echoset.models.records import Estimates, Objects
 
@@ -22,13 +22,12 @@ FORMATS = ("h5", "mcap")
 @pytest.fixture(params=[16, 1024], autouse=True)
 def window(request, monkeypatch):
     """Windows smaller and larger than the record."""
-    for module in (steps, mcap_parts):
-        monkeypatch.setattr(module, "WINDOW", request.param)
+    monkeypatch.setattr(steps, "WINDOW", request.param)
     return request.param
 
 
 def digest(record):
-    return tree.digest(tree.tokens(tree.flatten(layout.to_tree(record))))
+    return leaves.content_digest(record)
 
 
 @pytest.mark.parametrize("source", FORMATS)
@@ -38,7 +37,7 @@ def test_a_recording_passed_on_in_windows_has_the_bytes_of_the_whole(
 ):
     formats.write(recording, tmp_path / "a", source)
     formats.write(recording, tmp_path / "whole", target)
-    writer = formats.recording_writer(tmp_path / "parts", target)
+    writer = formats.writer(tmp_path / "parts", target)
     with closing(formats.open_windows(tmp_path / "a")) as parts:
         count = 0
         for part in parts:
@@ -66,16 +65,16 @@ def test_estimates_and_the_recording_that_they_carry(recording, estimates, tmp_p
     path = tmp_path / "a"
     formats.write(replace(estimates, recording=recording), path, format)
     with closing(formats.open_windows(path)) as parts:
-        assert parts.carries and parts.head.meta.provenance == estimates.meta.provenance
+        assert parts.has_recording and parts.head.meta.provenance == estimates.meta.provenance
         assert len(parts.head.objects.time_ns) == 0
         assert digest(steps.concatenate(list(parts))) == digest(estimates)
-    with closing(formats.open_windows(path, carried=True, scans=False)) as parts:
+    with closing(formats.open_windows(path, recording=True, scans=False)) as parts:
         truth = Objects.join([w.truth.objects for w in parts])
         assert all(len(s) == 0 for s in parts.head.streams.values())
         np.testing.assert_array_equal(truth.state, recording.truth.objects.state)
     formats.write(recording, path, format)
     with pytest.raises(FormatError):
-        formats.open_windows(path, carried=True)
+        formats.open_windows(path, recording=True)
 
 
 @pytest.mark.parametrize("format", FORMATS)
@@ -115,7 +114,7 @@ def test_index_that_does_not_fit_its_times(recording, tmp_path, monkeypatch):
     uwb = recording.streams["uwb"]
     back = replace(uwb, time_ns=uwb.time_ns[::-1].copy())
     monkeypatch.setattr(formats.files, "check", lambda record: None)
-    monkeypatch.setattr("echoset.formats.hdf5.writer.windows", lambda record: [record])
+    monkeypatch.setattr("echoset.formats.files.windows", lambda record: [record])
     formats.write(replace(recording, streams={"uwb": back}), tmp_path / "a", "h5")
     parts = formats.open_windows(tmp_path / "a")
     with closing(parts), pytest.raises(FormatError, match="out of order"):

@@ -12,8 +12,8 @@ import pytest
 from mcap.writer import Writer
 
 from echoset import formats
+from echoset.formats import windows
 from echoset.formats.importers import autoferry
-from echoset.formats.mcap import reader as mcap_reader
 from echoset.models import registry
 from echoset.models.errors import FormatError
 
@@ -87,7 +87,7 @@ def test_a_scan_whose_values_were_left_out_is_refused(tmp_path: Path, monkeypatc
 
     monkeypatch.setattr(Writer, "register_channel", registered)
     monkeypatch.setattr(Writer, "add_message", fewer)
-    monkeypatch.setattr(mcap_reader, "_WINDOW", 2)
+    monkeypatch.setattr(windows, "WINDOW", 2)
     formats.write(recording, tmp_path / "a.mcap", "mcap")
     source = formats.open_source(tmp_path / "a.mcap")
     with closing(source), pytest.raises(FormatError, match="values of the scan do not fit"):

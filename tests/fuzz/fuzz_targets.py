@@ -20,7 +20,7 @@ from fuzz_corpus import Files
 from echoset import formats
 from echoset.campaign.layers import load as load_config
 from echoset.campaign.scenarios import find
-from echoset.formats import layout, tree, weights
+from echoset.formats import leaves, weights
 from echoset.formats import scores as score_files
 from echoset.formats.importers import autoferry, labyrinth
 from echoset.formats.importers.csv import importer as csv
@@ -50,7 +50,7 @@ class Target:
 
 def digest(record: Recording | Estimates) -> str:
     """The content digest of a record, found anew."""
-    return tree.digest(tree.tokens(tree.flatten(layout.to_tree(record))))
+    return leaves.content_digest(record)
 
 
 def _record(paths: list[Path]) -> Recording | Estimates:
@@ -69,14 +69,9 @@ def _record(paths: list[Path]) -> Recording | Estimates:
         assert formats.header(path)["content_digest"] == digest(record)
         if isinstance(record, Recording):
             assert _scans(path) == sum(map(len, record.streams.values()))
-        whole = tree.flatten(
-            layout.to_tree(replace(record, recording=None))
-            if isinstance(record, Estimates)
-            else layout.to_tree(record)
-        )
+        alone = replace(record, recording=None) if isinstance(record, Estimates) else record
         (window,) = _windows(path)
-        found = tree.flatten(layout.to_tree(window))
-        assert tree.digest(tree.tokens(found)) == tree.digest(tree.tokens(whole))
+        assert digest(window) == digest(alone)
     return record
 
 
@@ -117,7 +112,7 @@ def _scenario(paths: list[Path]) -> Any:
 
 
 def _mapping(paths: list[Path]) -> Any:
-    return mapping.Layout.of(mapping.load(str(paths[0]))[0], paths[0])
+    return mapping.Mapping.of(mapping.load(str(paths[0]))[0], paths[0])
 
 
 _NUMBER = re.compile(r"\s*[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?\s*", re.ASCII)

@@ -10,6 +10,7 @@ from echoset.models.scatter import (
     path_moments,
     scatter_ellipse,
     sector,
+    sector_gradient,
     unit_square_nodes,
 )
 from echoset.models.uwb import scatter_distance
@@ -24,6 +25,18 @@ def test_scatterers_face_the_anchor():
     q = sector(np.array([0.0, 0.5, 1.0]), 0.0, CENTRE, east, AXES, WIDTH, np.pi)
     assert np.allclose(q, [[1.0, 1.8], [1.3, 2.0], [1.0, 2.2]])
     assert bearing(CENTRE, east) == 0.0
+
+
+def test_gradients_of_the_sector_are_finite_differences():
+    u, s = np.random.default_rng(2).random((2, 20))
+    x = np.array([*CENTRE, *AXES, WIDTH])
+
+    def points(x):
+        return sector(u, s, x[:2], ANCHOR, x[2:4], x[4], OPENING)
+
+    numeric = [(points(x + e) - points(x - e)) / 2e-6 for e in 1e-6 * np.eye(5)]
+    G = sector_gradient(u, s, CENTRE, ANCHOR, AXES, WIDTH, OPENING)
+    assert np.allclose(G, np.stack(numeric, -1), atol=1e-8)
 
 
 def test_scatterers_fill_the_sector():

@@ -10,8 +10,8 @@ import echoset
 from echoset.campaign.scenarios import find
 from echoset.models.checks import check
 from echoset.models.errors import ParameterError
-from echoset.models.multibeam import BaseStation, Echoes, beamformer, steering
 from echoset.models.parameters import resolve
+from echoset.models.radar.multibeam import BaseStation, Echoes, beamformer, steering
 from echoset.models.random import generator
 from echoset.simulate import jsc, spectral, waveform
 from echoset.simulate.compiled.spectral import strongest_columns

@@ -182,4 +182,4 @@ def test_other_networks_are_simulated():
 )
 def test_impossible_scenes_are_refused(change):
     with pytest.raises(ParameterError, match=next(iter(change))):
-        replace(uwb.Params(), **change)
+        resolve(uwb.Params, ("settings", change))

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from echoset.estimators.points import mbm, phd
+from echoset.estimators import mbm, phd
 from echoset.formats.importers import autoferry
-from echoset.metrics.gospa import Params, gospa
+from echoset.metrics.gospa import METRIC, gospa
 from echoset.metrics.kit.sets import sets
+from echoset.models.parameters import resolve
 from echoset.models.random import generator
 from echoset.models.records import Estimates, Meta, Recording, Sensor, Stream
 from echoset.simulate import meeting
@@ -44,12 +45,12 @@ def joined(parts):
 
 def errors(module, recording, cutoff=10.0, **values):
     """GOSPA of every step, p = 2, with its parts, and what the filter yielded."""
-    params = module.Params(**values)
+    params = resolve(module.Params, ("here", values))
     rng = np.random.default_rng(0)
     parts = list(module.estimate(recording.setup(), recording.scans(), params, rng))
     meta = Meta(recording.meta.name, provenance={"estimator": "filter"})
     found = Estimates(meta, joined(parts), {})
-    aligned = sets(found, recording, Params(order=2.0, cutoff=cutoff))
+    aligned = sets(found, recording, METRIC.Params(order=2.0, cutoff=cutoff))
     return gospa(aligned, 2.0, cutoff), parts
 
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from ....models import extent
 from ....models.grids import Grid
-from ....models.ofdm import resolved
+from ....models.radar.ofdm import resolved
 from ....models.records import Array
 
 POSITION, EXTENT, BIRTH, DEATH, RELOCATE, JUMP = range(6)
@@ -54,7 +54,7 @@ class Scene(NamedTuple):
     are ``offset[k]:offset[k + 1]``. ``table`` (K, nx, ny, nz, 7) holds p_D and the covariance xx xy
     xz yy yz zz at the nodes ``origin + i spacing``, ``outside`` (7,) beyond. ``position`` (K, 3)
     and ``frame`` (K, 3, 3) take points to the array's axes, for which ``cell`` (K, 5) holds the
-    arguments of :func:`echoset.models.ofdm.resolved`; the first is 0 where the last is r itself.
+    arguments of ``resolved`` in ``models/radar/ofdm``; the first is 0 where the last is r itself.
     Centres lie in [lower, upper] (3,), ``radius`` apart, extents in [e_lower, e_upper] (6,).
     Detections with a squared Mahalanobis distance above ``gate`` have eta = 0. Births look where
     ``weight`` (M,) is high, ``spread`` [m] around detections, or anywhere with probability

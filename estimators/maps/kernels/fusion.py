@@ -11,7 +11,7 @@ from math import pi
 
 import numpy as np
 
-from ....models.detection import polar
+from ....models.radar.detection import polar
 from ....models.records import Array
 
 EDGE = 1e-9

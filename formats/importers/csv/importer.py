@@ -60,7 +60,8 @@ the mapping.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -71,7 +72,8 @@ from ....models.checks import NAME, check
 from ....models.errors import InputError, ParameterError
 from ....models.parameters import parameter, require
 from ....models.records import Array, Meta, Objects, Recording, Truth
-from .mapping import MEASUREMENT, OPTIONAL, Layout, Tables, load
+from ..text import read_text
+from .mapping import MEASUREMENT, OPTIONAL, Mapping, Tables, load
 from .radar import radar
 from .table import fields, read_table
 from .units import axes, turn
@@ -90,7 +92,7 @@ class Params:
     mapping: Any = parameter("", "", "YAML file (or its content) that says what columns mean")
 
     def __post_init__(self) -> None:
-        ok = isinstance(self.mapping, Mapping) or self.mapping
+        ok = isinstance(self.mapping, abc.Mapping) or self.mapping
         require(bool(ok), "mapping", "the path of a YAML file", self.mapping)
 
 
@@ -105,19 +107,20 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     if len(paths) != 1:
         raise InputError("csv reads one log: name its further files in the mapping")
     content, folder = load(params.mapping)
-    layout = Layout.of(content, params.mapping if folder else "")
+    mapping = Mapping.of(content, params.mapping if folder else "")
     found = fields(
-        layout.columns,
-        ("time", *MEASUREMENT[layout.kind]),
-        OPTIONAL[layout.kind],
+        mapping.columns,
+        ("time", *MEASUREMENT[mapping.kind]),
+        OPTIONAL[mapping.kind],
         "mapping: columns",
     )
-    table = read_table(paths[0], layout, found)
-    tables = Tables(paths[0].parent if folder is None else folder, layout, [table.file])
-    F = axes(layout.frame, "frame")
-    truth = None if layout.truth is None else _truth(layout.truth, F, tables)
-    build = uwb if layout.kind == "uwb" else radar
-    sensors, streams = build(layout, table, F, tables, truth)
+    file = read_text(paths[0])
+    table = read_table(file, mapping, found)
+    tables = Tables(paths[0].parent if folder is None else folder, mapping, [file])
+    F = axes(mapping.frame, "frame")
+    truth = None if mapping.truth is None else _truth(mapping.truth, F, tables)
+    build = uwb if mapping.kind == "uwb" else radar
+    sensors, streams = build(mapping, table, F, tables, truth)
     for name in sensors:
         require(
             bool(NAME.fullmatch(name)), "the name of a sensor", "made of A-Z a-z 0-9 _ . + -", name
@@ -127,7 +130,7 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
         "files": [file.provenance for file in tables.files],
         "parameters": {"mapping": content},
     }
-    meta = Meta(paths[0].stem, layout.epoch, provenance=provenance)
+    meta = Meta(paths[0].stem, mapping.epoch, provenance=provenance)
     recording = Recording(meta, sensors, streams, truth)
     check(recording, paths[0])
     return recording
@@ -151,7 +154,7 @@ def _truth(spec: object, F: Array, tables: Tables) -> Truth:
     label = np.zeros(len(table))
     if "label" in table:
         label = table.values("label")
-        table.none("label", (label != np.rint(label)) | (np.abs(label) > 2**53), "is no integer")
+        table.refuse("label", (label != np.rint(label)) | (np.abs(label) > 2**53), "is no integer")
     order = np.lexsort((label, time))
     times, first = np.unique(time[order], return_index=True)
     objects = Objects(

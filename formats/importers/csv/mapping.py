@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import abc
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from ....models.errors import ParameterError
+from ....models.errors import FormatError, ParameterError
 from ....models.parameters import require, resolve, suggestion
 from ....models.plain_yaml import parse
-from ..text import TextFile
-from .table import Dialect, Table, fields, read_table
+from ..text import TextFile, read_text
+from .table import Dialect, Log, fields, read_table
 
 MEASUREMENT = {"uwb": ("distance",), "position": ("x", "y"), "range_bearing": ("range", "azimuth")}
 _RADAR = ("doppler", "power", "amplitude", "time_offset", "scan", "sensor")
@@ -36,16 +37,14 @@ def load(source: object) -> tuple[dict[str, Any], Path | None]:
     ------
     ParameterError : the file is unreadable, no YAML or no mapping
     """
-    if isinstance(source, Mapping):
+    if isinstance(source, abc.Mapping):
         return _plain(source, "mapping"), None
     path = Path(str(source))
     try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ParameterError(f"mapping {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ParameterError(f"mapping {path}: not UTF-8 text") from error
-    found = parse(text, f"mapping {path}")
+        file = read_text(path)
+    except FormatError as error:
+        raise ParameterError(f"mapping {error}") from error
+    found = parse(file.text, f"mapping {path}")
     if not isinstance(found, dict):
         raise ParameterError(f"mapping {path}: must map keys to values")
     return _plain(found, f"mapping {path}"), path.parent
@@ -53,7 +52,7 @@ def load(source: object) -> tuple[dict[str, Any], Path | None]:
 
 def _plain(value: Any, where: str) -> Any:
     """``value`` with names as keys, if it is made of mappings, lists, finite numbers and text."""
-    if isinstance(value, Mapping):
+    if isinstance(value, abc.Mapping):
         return {str(k): _plain(v, f"{where}: {k}") for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(v, where) for v in value]
@@ -65,7 +64,7 @@ def _plain(value: Any, where: str) -> Any:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout(Dialect):
+class Mapping(Dialect):
     """A mapping; its keys are explained in :mod:`echoset.formats.importers.csv.importer`."""
 
     kind: str = ""
@@ -88,24 +87,24 @@ class Layout(Dialect):
         )
         for key in ("anchors", "devices", "sensors", "model"):
             value = getattr(self, key)
-            require(isinstance(value, Mapping), key, "a mapping", value)
+            require(isinstance(value, abc.Mapping), key, "a mapping", value)
         try:
             datetime.fromisoformat(self.epoch)
         except ValueError:
             require(False, "epoch", "a time in ISO 8601", self.epoch)
 
     @staticmethod
-    def of(content: Mapping[str, Any], source: object = "") -> Layout:
+    def of(content: abc.Mapping[str, Any], source: object = "") -> Mapping:
         """The mapping with this content of the file ``source``, without keys of other kinds."""
         try:
-            layout = resolve(Layout, ("mapping", content))
-            for key in UNUSED[layout.kind]:
+            mapping = resolve(Mapping, ("mapping", content))
+            for key in UNUSED[mapping.kind]:
                 if key in content:
-                    reason = f"{key!r} has no meaning for kind {layout.kind!r}"
+                    reason = f"{key!r} has no meaning for kind {mapping.kind!r}"
                     raise ParameterError(f"mapping: {reason}")
         except ParameterError as error:
             raise ParameterError(f"{source}: {error}" if source else str(error)) from None
-        return layout
+        return mapping
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,15 +128,15 @@ class Tables:
 
     def read(
         self, spec: object, required: Sequence[str], optional: Sequence[str], where: str
-    ) -> Table:
+    ) -> Log:
         """The table that the part ``where`` of the mapping describes."""
-        if not isinstance(spec, Mapping):
+        if not isinstance(spec, abc.Mapping):
             raise ParameterError(f"{where} must have file and columns, got {spec!r}")
         parent = {k: getattr(self.dialect, k) for k in Dialect.__dataclass_fields__}
         reference = resolve(_Reference, ("mapping", parent), (where, spec))
         if not reference.file:
             raise ParameterError(f"{where}: 'file' is missing")
         found = fields(reference.columns, required, optional, f"{where}.columns")
-        table = read_table(self.folder / reference.file, reference, found)
-        self.files.append(table.file)
-        return table
+        file = read_text(self.folder / reference.file)
+        self.files.append(file)
+        return read_table(file, reference, found)

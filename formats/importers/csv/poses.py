@@ -11,7 +11,7 @@ from ....models.errors import ParameterError
 from ....models.parameters import require, suggestion
 from ....models.records import Array, Sensor
 from .mapping import Tables
-from .table import Table
+from .table import Log
 from .units import quantity, turn
 
 _QUATERNION = ("qx", "qy", "qz", "qw")
@@ -45,10 +45,10 @@ def anchors(spec: Mapping[str, Any], F: Array, tables: Tables) -> dict[str, Sens
     """The anchors by id, from the mapping or from a table of them."""
     if isinstance(spec.get("file"), str):
         table = tables.read(spec, ("id", "x", "y"), ("z",), "anchors")
-        ids = list(table.text("id"))
+        ids = list(table.columns["id"])
         for i, name in enumerate(ids):
             if name in ids[:i]:
-                table.fail("id")(i, f"{name!r} occurs twice")
+                table.fail("id", i, f"{name!r} occurs twice")
         p = _position(F, *(table.values(axis) for axis in "xyz" if axis in table))
         return {name: Sensor.static("anchor", p[i]) for i, name in enumerate(ids)}
     return {
@@ -57,19 +57,19 @@ def anchors(spec: Mapping[str, Any], F: Array, tables: Tables) -> dict[str, Sens
     }
 
 
-def _moving(table: Table, kind: str, F: Array, S: Array) -> Sensor:
+def _moving(table: Log, kind: str, F: Array, S: Array) -> Sensor:
     time = table.time()
     order = np.argsort(time, kind="stable")
     again = np.zeros(len(time), bool)
     again[order[1:]] = np.diff(time[order]) == 0
-    table.none("time", again, "is the time of another pose")
+    table.refuse("time", again, "is the time of another pose")
     p = _position(F, *(table.values(axis) for axis in "xyz" if axis in table))
     if any(key in table for key in _QUATERNION):
         if "yaw" in table or not all(key in table for key in _QUATERNION):
             raise ParameterError("poses need yaw or all of qx qy qz qw")
         q = np.column_stack([table.values(key) for key in _QUATERNION])
         norm = np.linalg.norm(q, axis=1)
-        table.none("qw", np.abs(norm - 1) > 1e-3, "belongs to a quaternion of norm other than 1")
+        table.refuse("qw", np.abs(norm - 1) > 1e-3, "belongs to a quaternion of norm other than 1")
         q = q / norm[:, None]
     else:
         q = _about_z(table.values("yaw") if "yaw" in table else np.zeros(len(time)))

@@ -8,28 +8,28 @@ import numpy as np
 
 from ....models.errors import ParameterError
 from ....models.records import Array, Sensor, Stream, Truth
-from ..rows import assemble, pad
-from .mapping import MEASUREMENT, Layout, Tables
+from ..rows import pad, to_stream
+from .mapping import MEASUREMENT, Mapping, Tables
 from .poses import sensor
-from .table import Table
+from .table import Log
 from .units import axes, turn
 
-Windows = tuple[dict[str, Sensor], dict[str, Stream]]
+Built = tuple[dict[str, Sensor], dict[str, Stream]]
 
 
-def radar(layout: Layout, table: Table, F: Array, tables: Tables, truth: Truth | None) -> Windows:
+def radar(mapping: Mapping, table: Log, F: Array, tables: Tables, truth: Truth | None) -> Built:
     """The radars and their streams of the points in ``table``."""
-    S = axes(layout.sensor_frame, "sensor_frame") if layout.sensor_frame else F
+    S = axes(mapping.sensor_frame, "sensor_frame") if mapping.sensor_frame else F
     sensors = {
         str(name): sensor(pose, "radar", F, S, tables, f"sensors.{name}")
-        for name, pose in layout.sensors.items()
+        for name, pose in mapping.sensors.items()
     }
     names = tuple(sensors)
     parts = [table]
-    if layout.scans is not None:
+    if mapping.scans is not None:
         if "scan" in table:
             raise ParameterError("mapping: give either scans or the column 'scan'")
-        parts.append(tables.read(layout.scans, ("time",), ("sensor",), "scans"))
+        parts.append(tables.read(mapping.scans, ("time",), ("sensor",), "scans"))
     for part in parts:
         if len(names) > 1 and "sensor" not in part:
             raise ParameterError("mapping: several sensors need the column 'sensor'")
@@ -37,7 +37,7 @@ def radar(layout: Layout, table: Table, F: Array, tables: Tables, truth: Truth |
         [p.index("sensor", names) if "sensor" in p else np.zeros(len(p), np.int32) for p in parts]
     )
     time = np.concatenate([part.time() for part in parts])
-    main = [key for key in (*MEASUREMENT[layout.kind], "z") if key in table]
+    main = [key for key in (*MEASUREMENT[mapping.kind], "z") if key in table]
     others = [key for key in table.fields if key not in (*main, "time", "scan", "sensor")]
     rows, detected = pad(*table.detections(main, others), len(time) - len(table))
     _to_sensor_frame(rows, S)
@@ -53,7 +53,7 @@ def radar(layout: Layout, table: Table, F: Array, tables: Tables, truth: Truth |
     for i, name in enumerate(names):
         own = which == i
         key, row = ({k: v[own] for k, v in columns.items()} for columns in (keys, rows))
-        stream = assemble(layout.kind, (name,), layout.model, time[own], key, row, detected[own])
+        stream = to_stream(mapping.kind, (name,), mapping.model, time[own], key, row, detected[own])
         streams[name] = replace(stream, scan={})
     return sensors, streams
 
@@ -72,14 +72,14 @@ def _to_sensor_frame(rows: dict[str, Array], S: Array) -> None:
             rows[key] = S[2, 2] * rows[key]
 
 
-def _scan(table: Table, which: Array) -> Array:
+def _scan(table: Log, which: Array) -> Array:
     """Number of the scan of every row, counted over all sensors."""
     known: dict[tuple[int, str], int] = {}
     last: dict[int, int] = {}
     number = np.zeros(len(table), np.int64)
-    for i, key in enumerate(zip(which.tolist(), table.text("scan"), strict=True)):
+    for i, key in enumerate(zip(which.tolist(), table.columns["scan"], strict=True)):
         k = number[i] = known.setdefault(key, len(known))
         if last.setdefault(key[0], k) > k:
-            table.fail("scan")(i, f"scan {key[1]!r} comes back: the rows of a scan stand together")
+            table.fail("scan", i, f"scan {key[1]!r} comes back: the rows of a scan stand together")
         last[key[0]] = k
     return number

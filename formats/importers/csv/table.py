@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ....models.columns import COLUMNS
 from ....models.errors import FormatError, ParameterError
 from ....models.parameters import require, resolve, suggestion
 from ....models.records import Array
-from ..text import TIME_UNITS, Fail, TextFile, nanoseconds, numbers, read_text
+from ..text import TIME_UNITS, Table, TextFile
 from .units import quantity, to_si
 
 
@@ -59,12 +59,12 @@ def fields(
             raise ParameterError(f"{where}: unknown quantity {key!r}{hint}")
         place = f"{where}.{key}"
         item = item if isinstance(item, Mapping) else {"column": item}
-        field = resolve(Field, (place, item))
-        if (field.column is None) == (field.value is None):
+        given = resolve(Field, (place, item))
+        if (given.column is None) == (given.value is None):
             raise ParameterError(f"{place} needs either a column or a value")
-        if key == "time" and (field.unit or "s") not in TIME_UNITS:
-            raise ParameterError(f"{place}: unit {field.unit!r} is not one of s ms us ns")
-        found[key] = field
+        if key == "time" and (given.unit or "s") not in TIME_UNITS:
+            raise ParameterError(f"{place}: unit {given.unit!r} is not one of s ms us ns")
+        found[key] = given
     for key in required:
         if key not in found:
             raise ParameterError(f"{where}: {key!r} is missing")
@@ -72,62 +72,42 @@ def fields(
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
-    """The chosen columns of a table as text, and the line of each row."""
+class Log(Table):
+    """A table whose columns a mapping names: as text, as indices, or in SI."""
 
-    file: TextFile
-    fields: Mapping[str, Field]
-    columns: Mapping[str, Sequence[str]]
-    lines: Sequence[int]
-
-    def __len__(self) -> int:
-        return len(self.lines)
+    fields: Mapping[str, Field] = field(default_factory=dict)
+    path: Path = Path()
 
     def __contains__(self, key: str) -> bool:
         return key in self.fields
 
-    def fail(self, key: str) -> Fail:
-        """What raises the error of a row of the column ``key``."""
-
-        def fail(index: int, reason: str) -> NoReturn:
-            name = self.fields[key].column
-            place = f"line {self.lines[index]}, column {name!r}"
-            raise FormatError(self.file.path, place, reason)
-
-        return fail
-
-    def none(self, key: str, bad: Array, reason: str) -> None:
+    def refuse(self, key: str, bad: Array, reason: str) -> None:
         """Fail at the first row of ``bad`` (m,), quoting the field."""
         if bad.any():
             index = int(bad.argmax())
-            self.fail(key)(index, f"{self.text(key)[index][:40]!r} {reason}")
-
-    def text(self, key: str) -> Sequence[str]:
-        """The column ``key`` as text."""
-        field = self.fields[key]
-        return self.columns[key] if field.value is None else [str(field.value)] * len(self)
+            self.fail(key, index, f"{self.columns[key][index][:40]!r} {reason}")
 
     def values(self, key: str, missing: bool = False) -> Array:
         """The column ``key`` in SI (m,); empty fields are NaN if ``missing``."""
-        field, where = self.fields[key], f"columns.{key}"
-        if field.value is not None:
-            value = quantity(field.value, key, where) * field.scale
+        given, where = self.fields[key], f"columns.{key}"
+        if given.value is not None:
+            value = quantity(given.value, key, where) * given.scale
             require(np.isfinite(value), where, "finite", value)
             return np.full(len(self), value)
-        read = numbers(self.columns[key], self.fail(key), missing)
+        read = self.numbers(key, missing)
         with np.errstate(over="ignore"):
-            values = to_si(read, field.unit, key, where) * field.scale
-        self.none(key, np.isinf(values), "is not a finite number in SI")
+            values = to_si(read, given.unit, key, where) * given.scale
+        self.refuse(key, np.isinf(values), "is not a finite number in SI")
         if key in COLUMNS and COLUMNS[key].minimum == 0:
-            self.none(key, values < 0, "is negative")
+            self.refuse(key, values < 0, "is negative")
         return values
 
     def index(self, key: str, names: Sequence[str]) -> Array:
         """Index in ``names`` of the names in the column ``key`` (m,), int32."""
         where = {name: i for i, name in enumerate(names)}
-        text = self.text(key)
+        text = self.columns[key]
         index = np.fromiter((where.get(t, -1) for t in text), np.int32, len(text))
-        self.none(key, index < 0, f"is not one of {' '.join(names)}")
+        self.refuse(key, index < 0, f"is not one of {' '.join(names)}")
         return index
 
     def detections(
@@ -141,29 +121,29 @@ class Table:
         detected = ~np.isnan(columns[main[0]])
         for key in main[1:]:
             lone = np.isnan(columns[key]) == detected
-            self.none(key, lone, f"and {main[0]}: one is empty, the other is not")
+            self.refuse(key, lone, f"and {main[0]}: one is empty, the other is not")
         for key in others:
             columns[key] = self.values(key, missing=True)
             bad = np.isnan(columns[key]) & detected
-            self.none(key, bad, "is empty, yet there is a detection")
+            self.refuse(key, bad, "is empty, yet there is a detection")
         return columns, detected
 
     def time(self) -> Array:
         """The column ``time`` as int64 nanoseconds (m,)."""
-        return nanoseconds(self.text("time"), self.fail("time"), self.fields["time"].unit or "s")
+        return self.nanoseconds("time", self.fields["time"].unit or "s")
 
 
-def read_table(path: Path, dialect: Dialect, fields: Mapping[str, Field]) -> Table:
-    """The ``fields`` of the table at ``path``.
+def read_table(file: TextFile, dialect: Dialect, fields: Mapping[str, Field]) -> Log:
+    """The ``fields`` of the table in ``file``.
 
     Raises
     ------
-    FormatError : the file is unreadable, a column is missing, or a row has too few or many fields
+    FormatError : a column is missing, or a row has too few or many fields
     """
-    file = read_text(path)
+    path = file.path
     rows: list[list[str]] = []
     lines: list[int] = []
-    reader = csv.reader(_sifted(file.lines, dialect), delimiter=dialect.delimiter, strict=True)
+    reader = csv.reader(_sifted(file.lines(), dialect), delimiter=dialect.delimiter, strict=True)
     try:
         for row in reader:
             if not row:
@@ -182,18 +162,21 @@ def read_table(path: Path, dialect: Dialect, fields: Mapping[str, Field]) -> Tab
     names = [name.strip() for name in rows[0]] if dialect.header else None
     body = rows[1:] if dialect.header else rows
     columns = {}
-    for key, field in fields.items():
-        if field.value is None:
-            k = _position(field.column, names, len(rows[0]), path, lines[0])
+    for key, given in fields.items():
+        if given.value is None:
+            k = _position(given.column, names, len(rows[0]), path, lines[0])
             columns[key] = [row[k].strip() for row in body]
-    return Table(file, fields, columns, lines[1:] if dialect.header else lines)
+        else:
+            columns[key] = [str(given.value)] * len(body)
+    places = [(path, line) for line in lines[len(lines) - len(body) :]]
+    return Log(columns, places, {key: given.column for key, given in fields.items()}, fields, path)
 
 
 def _expect_columns(
     first: Sequence[str], fields: Mapping[str, Field], delimiter: str, path: Path, line: int
 ) -> None:
     """Refuse one column where several are wanted and another delimiter would make them."""
-    wanted = {field.column for field in fields.values()} - {None}
+    wanted = {given.column for given in fields.values()} - {None}
     other = next((d for d in ",;\t| " if d in first[0].strip()), None)
     if len(first) == 1 < len(wanted) and other:
         reason = f"has one column: is the delimiter {other!r}, not {delimiter!r}?"

@@ -7,31 +7,31 @@ import numpy as np
 from ....models.columns import ACTIVE, PASSIVE
 from ....models.errors import ParameterError
 from ....models.records import Array, Sensor, Stream, Truth
-from ..rows import assemble, pad
-from .mapping import Layout, Tables
+from ..rows import pad, to_stream
+from .mapping import Mapping, Tables
 from .poses import anchors
-from .table import Table
+from .table import Log
 
-Windows = tuple[dict[str, Sensor], dict[str, Stream]]
+Built = tuple[dict[str, Sensor], dict[str, Stream]]
 
 
-def uwb(layout: Layout, table: Table, F: Array, tables: Tables, truth: Truth | None) -> Windows:
+def uwb(mapping: Mapping, table: Log, F: Array, tables: Tables, truth: Truth | None) -> Built:
     """The nodes and the stream of the link events in ``table``."""
-    fixed = anchors(layout.anchors, F, tables)
+    fixed = anchors(mapping.anchors, F, tables)
     if not fixed:
         raise ParameterError("mapping: anchors are missing")
     links = ("anchor", "device", "tx", "rx")
     parts = [table]
-    if layout.scans is not None:
-        parts.append(tables.read(layout.scans, ("time",), links, "scans"))
-    devices = dict(layout.devices)
+    if mapping.scans is not None:
+        parts.append(tables.read(mapping.scans, ("time",), links, "scans"))
+    devices = dict(mapping.devices)
     for part in parts:
         if "anchor" in part and "device" in part:
-            devices |= {d: -1 for d in sorted(set(part.text("device"))) if d not in devices}
+            devices |= {d: -1 for d in sorted(set(part.columns["device"])) if d not in devices}
         elif "anchor" in part and not devices:
             devices["device"] = -1
     carried = truth is not None and "device_x" in truth.objects.state_names
-    if carried and len(devices) == 1 and not layout.devices:
+    if carried and len(devices) == 1 and not mapping.devices:
         devices = dict.fromkeys(devices, 0)
     for name in devices:
         if name in fixed:
@@ -45,15 +45,15 @@ def uwb(layout: Layout, table: Table, F: Array, tables: Tables, truth: Truth | N
     mode = np.where(tx < len(devices), ACTIVE, PASSIVE).astype(np.uint8)
     time = np.concatenate([part.time() for part in parts])
     keys = {"mode": mode, "rx": rx, "tx": tx}
-    stream = assemble("uwb", nodes, layout.model, time, keys, rows, detected)
+    stream = to_stream("uwb", nodes, mapping.model, time, keys, rows, detected)
     return sensors, {"uwb": stream}
 
 
-def _ends(table: Table, nodes: tuple[str, ...], n_devices: int) -> tuple[Array, Array]:
+def _ends(table: Log, nodes: tuple[str, ...], n_devices: int) -> tuple[Array, Array]:
     """Indices of transmitter and receiver of every row."""
     given = [key for key in ("anchor", "device", "tx", "rx") if key in table]
     if given not in (["anchor"], ["anchor", "device"], ["tx", "rx"]):
-        name = table.file.path.name
+        name = table.path.name
         raise ParameterError(f"{name}: columns need either anchor (and device), or tx and rx")
     if "anchor" in table:
         rx = table.index("anchor", nodes[n_devices:]) + np.int32(n_devices)
@@ -63,5 +63,5 @@ def _ends(table: Table, nodes: tuple[str, ...], n_devices: int) -> tuple[Array, 
             raise ParameterError("mapping: several devices need the column 'device'")
         return np.zeros(len(table), np.int32), rx
     tx, rx = table.index("tx", nodes), table.index("rx", nodes)
-    table.none("rx", rx < n_devices, "receives, yet is no anchor")
+    table.refuse("rx", rx < n_devices, "receives, yet is no anchor")
     return tx, rx

@@ -293,4 +293,4 @@ def test_what_is_missing_is_named(scene):
 )
 def test_impossible_parameters_are_refused(cls, name, value):
     with pytest.raises(ParameterError, match=name):
-        cls(**{name: value})
+        resolve(cls, ("settings", {name: value}))

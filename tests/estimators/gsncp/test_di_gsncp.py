@@ -13,7 +13,7 @@ from echoset.estimators.gsncp.chain import explore, put
 from echoset.estimators.gsncp.kernels import posterior as gsncp
 from echoset.estimators.gsncp.kernels.compiled import posterior as compiled
 from echoset.estimators.gsncp.output import Labels
-from echoset.formats.steps import concatenate
+from echoset.formats.windows import concatenate
 from echoset.metrics import ospa_gw
 from echoset.models import extent, ofdm
 from echoset.models.checks import check, check_objects, check_steps
@@ -48,7 +48,7 @@ def run(module, recording, settings, scans=None, seed=0):
 
 
 def distances(estimates, recording):
-    found = ospa_gw.score(estimates, recording, ospa_gw.Params())
+    found = ospa_gw.METRIC.score(estimates, recording, ospa_gw.METRIC.Params())
     return found.value[(np.array(found.part) == "") & ~np.isnan(found.time)]
 
 

@@ -14,8 +14,8 @@ from echoset.estimators.gsncp.kernels.chains import effective_sample_size
 from echoset.estimators.gsncp.kernels.compiled import moves as compiled_moves
 from echoset.estimators.gsncp.kernels.compiled import posterior as compiled
 from echoset.estimators.gsncp.kernels.posterior import NORMALS, UNIFORMS, Births, Scene
-from echoset.models import ofdm
 from echoset.models.grids import Grid
+from echoset.models.radar import ofdm
 from echoset.simulate import radar_extended
 
 INTENSITY = np.array([1e-3, 3.5e-3])

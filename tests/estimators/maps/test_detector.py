@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from map_scene import PEDESTRIAN, VEHICLE
 
+from echoset.estimators import mbm, phd
 from echoset.estimators.maps import detector as front
 from echoset.estimators.maps.kernels.fusion import Pixels
 from echoset.estimators.maps.pairs import split
-from echoset.estimators.points import mbm, phd
+from echoset.estimators.points import mbm as points_mbm
+from echoset.estimators.points import phd as points_phd
+from echoset.estimators.points.source import recognised
 from echoset.formats import weights
 from echoset.models.checks import check, check_objects, check_steps
 from echoset.models.errors import FormatError, InputError, ParameterError
@@ -104,7 +107,7 @@ def test_presets_take_the_births_from_the_recording(module, scene, network):
     np.testing.assert_allclose(
         found.birth_components, scene.streams["s0"].model["birth_components"]
     )
-    context = module.Context.of(scene.setup(), found)
+    context = module.context(scene.setup(), found)
     assert all(p.birth_components == found.birth_components for p in context.sensing.values())
 
 
@@ -131,10 +134,11 @@ def test_a_target_off_the_site_plan_comes_by_its_detections(module, network):
 
 @FILTERS
 def test_the_step_is_a_pure_function(module, scene, network):
-    context = module.Context.of(scene.setup(), params(module, scene, network))
-    state = module.init()
+    context = module.context(scene.setup(), params(module, scene, network))
+    points = {phd: points_phd, mbm: points_mbm}[module]
+    state = points.init()
     for _ in range(2):
-        results = [module.step(state, first(scene), context)[0] for _ in range(2)]
+        results = [points.step(state, first(scene), context)[0] for _ in range(2)]
     a, b = (getattr(r.mixture, "local", r.mixture) for r in results)
     np.testing.assert_array_equal(a.m, b.m)
     assert state.next_label == 0 and not state.classes
@@ -179,7 +183,7 @@ def test_the_sum_is_of_the_first_stations_by_name(scene, network):
     assert (two.streams, two.unused) == ({"s0", "s1"}, {"s2"})
     whole, scans = chain(scene, network), first(scene)
     maps = [whole.fuse(0, [scan]) for scan in scans]
-    sight = front.see(two, scans, np.zeros(0, int), np.zeros((0, 2)), {})
+    sight = two.see(scans, np.zeros(0, int), np.zeros((0, 2)), {})
     np.testing.assert_array_equal(sight.soft, maps[0] + maps[1])
     np.testing.assert_allclose(whole.fuse(0, scans), sum(maps), rtol=1e-6)
 
@@ -247,9 +251,7 @@ def test_one_scatterer_is_detected_where_it_is(network):
     rng = np.random.default_rng(2)
     for where in rng.uniform(-12, 12, (4, 2)):
         scene = map_scene.recording(where[None, None], [PEDESTRIAN], 6, rng, np.zeros((0, 9)))
-        sight = front.see(
-            chain(scene, network), first(scene), np.zeros(0, int), np.zeros((0, 2)), {}
-        )
+        sight = chain(scene, network).see(first(scene), np.zeros(0, int), np.zeros((0, 2)), {})
         assert len(sight.z) == 1
         assert np.abs(sight.z[0] - where).max() < 0.1
 
@@ -263,7 +265,7 @@ def test_the_gate_is_that_of_the_class(scene, network):
     z = {}
     for k in (0, 1):
         told = replace(bright, identify=lambda t, L, x, k=k: np.eye(2)[np.full(len(x), k)])
-        sight = front.see(told, first(scene), np.array([7]), np.zeros((1, 2)), {})
+        sight = told.see(first(scene), np.array([7]), np.zeros((1, 2)), {})
         assert sight.classes[7].argmax() == k
         z[k] = sight.z
     np.testing.assert_allclose(z[0], [[0.2, 0.2], [5.4, 0.4]], atol=1e-9)
@@ -315,7 +317,7 @@ def test_two_who_are_followed_as_one(scene, network, pair, count):
 
     part = partial(split, made.params, pixels, 3.0, told)
     made = replace(made, fuse=lambda t, scans: soft, identify=told, split=part)
-    sight = front.see(made, first(scene), np.array([7]), np.zeros((1, 2)), {})
+    sight = made.see(first(scene), np.array([7]), np.zeros((1, 2)), {})
     expected = [[-1.1, 0.0], [1.1, 0.0]] if count == 2 else [[0.0, 0.0]]
     np.testing.assert_allclose(sight.z[np.argsort(sight.z[:, 0])], expected, atol=0.05)
 
@@ -340,7 +342,7 @@ def test_memory_of_classes(scene, network):
         told = replace(chain(scene, network, class_memory=memory), identify=lambda t, L, x: p[None])
         classes = {}
         for k in range(4):
-            classes = front.see(told, first(scene), label, where, classes).classes
+            classes = told.see(first(scene), label, where, classes).classes
             odds = 4.0 ** sum(memory**i for i in range(k + 1))
             np.testing.assert_allclose(np.exp(classes[3]), np.array([odds, 1]) / (odds + 1))
 
@@ -353,10 +355,10 @@ def test_what_was_not_followed_is_looked_at_where_it_is(scene, network):
         return np.tile([0.3, 0.7], (len(where), 1))
 
     told = replace(chain(scene, network), identify=identify)
-    sight = front.see(told, first(scene), np.array([1]), np.array([[2.0, 3.0]]), {})
+    sight = told.see(first(scene), np.array([1]), np.array([[2.0, 3.0]]), {})
     label, where = np.array([1, 5]), np.array([[2.1, 3.1], [8.0, 9.0]])
     alive, before = np.array([1, 4, 5]), {4: np.zeros(2), 6: np.zeros(2)}
-    classes = front.recognise(told, sight, label, where, alive, before)
+    classes = recognised(sight, label, where, alive, before)
     assert [a.tolist() for a in asked] == [[[2.0, 3.0]], [[8.0, 9.0]]]
     assert classes.keys() == {1, 4, 5}
 
@@ -371,20 +373,20 @@ def test_without_a_network(module, scene):
 @FILTERS
 def test_parts_may_be_replaced(module, scene, network):
     """With soft maps from a store, and with the truth for detections."""
-    context = module.Context.of(scene.setup(), params(module, scene, network))
+    context = module.context(scene.setup(), params(module, scene, network))
     plain = list(module.run(context, scene.scans()))
     store = {}
     for scan in scene.scans():
         store.setdefault(scan.time_ns, []).append(scan)
-    store = {t: context.chain.fuse(t, scans) for t, scans in store.items()}
-    shared = replace(context, chain=replace(context.chain, fuse=lambda t, scans: store[t]))
+    store = {t: context.source.fuse(t, scans) for t, scans in store.items()}
+    shared = replace(context, source=replace(context.source, fuse=lambda t, scans: store[t]))
     for a, b in zip(plain, module.run(shared, scene.scans()), strict=True):
         np.testing.assert_array_equal(a.objects.state, b.objects.state)
 
     def told(time_ns, soft, where, gate, room):
         return START + time_ns / 1e9 * VELOCITY, np.tile(1e-4 * np.eye(2), (2, 1, 1))
 
-    exact = replace(context, chain=replace(context.chain, cluster=told))
+    exact = replace(context, source=replace(context.source, cluster=told))
     last = list(module.run(exact, scene.scans()))[-1].objects
     truth = START + (SCANS - 1) * 0.05 * VELOCITY
     state = last.state[np.argsort(last.state[:, 0])]
@@ -418,11 +420,11 @@ def test_missing_weights(module, scene, network, tmp_path, monkeypatch):
 )
 def test_impossible_parameters(changes, message):
     with pytest.raises(ParameterError, match=message):
-        phd.Params(p_detect=0.9, clutter_rate=1.0, **changes)
+        resolve(phd.Params, ("here", {"p_detect": 0.9, "clutter_rate": 1.0, **changes}))
 
 
 def test_nothing_at_all(network):
     setup = Recording(Meta("empty"), {}, {})
     found = front.Chain.of(setup, phd.Params(p_detect=0.9, clutter_rate=1.0))
     assert not found.streams and found.identify is None
-    assert front.see(found, [], np.zeros(0, int), np.zeros((0, 2)), {}) is None
+    assert found.see([], np.zeros(0, int), np.zeros((0, 2)), {}) is None

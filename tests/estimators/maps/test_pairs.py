@@ -13,7 +13,7 @@ from echoset.estimators.maps.params import MapParams
 from echoset.models.errors import ParameterError
 
 PIXELS = Pixels.of((-20.0, 20.0, -20.0, 20.0), 0.1)
-PARAMS = MapParams(p_detect=0.9, clutter_rate=1.0, p_survive=0.99, pair=(1.5, 3.5))
+PARAMS = MapParams(pair=(1.5, 3.5))
 
 
 def soft(*spots: tuple[float, float], power: float = 1e4) -> np.ndarray:
@@ -63,7 +63,7 @@ def test_a_pair_is_two_and_the_others_stay():
     ids=["unsure", "off", "vehicle", "close", "far", "one", "nothing"],
 )
 def test_what_is_no_pair_stays_one(spots, pedestrian, pair, kind):
-    params = MapParams(p_detect=0.9, clutter_rate=1.0, p_survive=0.99, pair=pair)
+    params = MapParams(pair=pair)
     where, kinds = np.zeros((1, 2)), np.array([kind])
     here = soft(*spots) if spots else np.zeros((PIXELS.ny, PIXELS.nx), np.float32)
     found = split(params, PIXELS, 1.0, told(pedestrian), 0, here, where, kinds)

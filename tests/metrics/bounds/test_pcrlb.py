@@ -10,6 +10,7 @@ import pytest
 from echoset.metrics.bounds import paths, pcrlb, pcrlb_star
 from echoset.metrics.bounds.information import covariance_bounds, information, intensity
 from echoset.models.errors import InputError, ParameterError
+from echoset.models.parameters import resolve
 from echoset.models.records import Recording, Scores
 
 Y = np.array([2.3, 1.7, 0.4, -0.2, 0.32, -1.0, 0.3, 0.2, 0.1])
@@ -161,4 +162,4 @@ def test_window_and_lacking_truth(network: Recording) -> None:
     with pytest.raises(InputError, match="one device"):
         pcrlb.score(None, replace(network, streams=several), pcrlb.Params())  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match="max_range"):
-        pcrlb.Params(max_range=0.0)
+        resolve(pcrlb.Params, ("settings", {"max_range": 0.0}))

@@ -12,7 +12,7 @@ from math import log, pi, sin, sqrt
 import numpy as np
 from numba import njit
 
-from .....models.ofdm import LIGHT
+from .....models.radar.ofdm import LIGHT
 from .....models.records import Array
 from ..posterior import MAX_GATE, Scene, State
 

@@ -1,0 +1,1 @@
+"""Batches of tasks: workers, resuming, retries, summaries, rules for make; start with ``run``."""

@@ -1,0 +1,171 @@
+"""A file in another format, or logs as a recording: what a task of ``echoset convert`` does."""
+
+from __future__ import annotations
+
+from collections import deque
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from .. import formats
+from ..formats import scores
+from ..models import registry
+from ..models.errors import FormatError, ParameterError
+from ..models.parameters import resolve
+from ..models.records import Estimates, Recording, Scores
+from . import exits, log
+from .batch import resume
+from .batch.execution import Execution
+from .batch.task import Whole
+from .inputs import is_pipe, is_scores, label, spooled
+from .layers import layers
+from .outputs import DASH, Target
+from .progress import share
+
+
+@dataclass(frozen=True, slots=True)
+class Import:
+    """An importer, the logs that make one recording, and what the user says of them."""
+
+    name: str
+    inputs: tuple[str, ...]
+    mapping: str | None
+    config: str | None
+    settings: tuple[str, ...]
+
+    def read(self) -> Recording:
+        """The recording."""
+        module = registry.load("echoset.importers", self.name)
+        first = (("--mapping", {"mapping": self.mapping}),) if self.mapping else ()
+        params = resolve(module.Params, *first, *layers(self.config, self.settings))
+        recording: Recording = module.read([Path(source) for source in self.inputs], params)
+        return recording
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A file to be written in another format, or to be imported; ``show`` the progress.
+
+    ``recover`` what can be had of a damaged one.
+    """
+
+    label: str
+    target: Target
+    foreign: Import | None = None
+    show: bool = False
+    recover: bool = False
+
+    @property
+    def sources(self) -> tuple[str | None, ...]:
+        """The files that are read."""
+        f = self.foreign
+        return (self.label,) if f is None else (*f.inputs, f.mapping, f.config)
+
+    def placed(self, execution: Execution) -> Task:
+        """The task with the paths of the workers."""
+        foreign = self.foreign
+        if foreign is not None:
+            foreign = replace(foreign, inputs=execution.places(foreign.inputs))
+        label, target = execution.place(self.label), execution.target(self.target)
+        return replace(self, label=label, target=target, foreign=foreign)
+
+    def decide(self) -> resume.Decision:
+        """Whether the file has to be written: not if its content is the same already."""
+        if self.foreign is not None or is_pipe(self.label):
+            return resume.decide(replace(self.target, resume=False), dict)
+        return resume.decide(self.target, self._expected)
+
+    def _expected(self) -> dict[str, str]:
+        try:
+            return {"content_digest": formats.header(Path(self.label))["content_digest"]}
+        except FormatError:
+            if not self.recover:
+                raise
+            return {"content_digest": "lost"}
+
+    def run(self) -> bool:
+        """Read the file and write the same content; whether only part of it could be had."""
+        if self.foreign is not None:
+            _write(self.foreign.read(), self.target)
+            return False
+        with spooled(self.label) as path:
+            if self.recover:
+                return _recovered(path, self)
+            if self.label != DASH and is_scores(path, self.label):
+                _write(scores.read(path, self.label), self.target)
+            elif not _passed_on(path, self):
+                _write(formats.read(path, label(self.label)), self.target)
+        return False
+
+
+class Recovered(Whole[bool]):
+    """The exit code that says whether a file could be had in part only."""
+
+    def finish(self, results: list[bool]) -> int:
+        """Partial where one was."""
+        return exits.PARTIAL if any(results) else 0
+
+
+def _recovered(path: Path, task: Task) -> bool:
+    """Write what can be had of a damaged file; whether that is not all."""
+    try:
+        with closing(formats.open_windows(path)) as windows:
+            deque(windows, maxlen=0)
+            whole = True
+    except FormatError:
+        whole = False
+    if whole:
+        return replace(task, recover=False).run()
+    with closing(formats.rescue(path)) as found, task.target.open() as opened:
+        writer: Any = None
+        try:
+            for window in found:
+                if writer is None:
+                    _known(task.target, window)
+                    writer = formats.writer(opened, task.target.format)
+                writer.append(window)
+            writer.close(found.meta, found.recording)
+        finally:
+            if writer is not None:
+                writer.abort()
+    damage = found.damage
+    assert damage is not None, "a whole file is converted"
+    reason = f"{damage.where}: {damage.reason}"
+    name, count = label(task.label), found.messages
+    log.logger.warning("%s: recovered %d messages, to the damage at %s", name, count, reason)
+    return True
+
+
+def _passed_on(path: Path, task: Task) -> bool:
+    """Whether the record could be written window by window as it was read: not what it carries."""
+    with closing(formats.open_windows(path, label(task.label))) as windows:
+        if windows.has_recording:
+            return False
+        _known(task.target, windows.head)
+        with task.target.open() as opened:
+            writer = formats.writer(opened, task.target.format)
+            try:
+                for window in share(windows, windows) if task.show else windows:
+                    writer.append(window)
+                writer.close(windows.head.meta)
+            finally:
+                writer.abort()
+    return True
+
+
+def _write(record: Recording | Estimates | Scores, target: Target) -> None:
+    if isinstance(record, Scores):
+        with target.open() as opened:
+            scores.write(record, opened, target.format)
+        return
+    _known(target, record)
+    with target.open() as opened:
+        formats.write(record, opened, target.format)
+
+
+def _known(target: Target, record: Recording | Estimates) -> None:
+    """Raise :class:`ParameterError` unless the target's format holds records."""
+    if target.format not in registry.names("echoset.formats"):
+        kind = type(record).__name__.lower()
+        raise ParameterError(f"{kind} cannot be written as {target.format}")

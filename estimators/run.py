@@ -1,0 +1,135 @@
+"""An estimator at work on one recording: the one place where estimators are run."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import count
+from time import perf_counter
+from typing import Any
+
+from numpy.linalg import LinAlgError
+
+from ..models.checks import check_objects, check_steps
+from ..models.errors import EstimatorError, FormatError, InputError, is_out_of_range
+from ..models.parameters import Layer, as_dict, resolve, sensor_model
+from ..models.random import generator
+from ..models.records import Estimates, Recording, Scan
+from ..models.registry import load
+
+GROUP = "echoset.estimators"
+
+TimedStep = tuple[Estimates, float]
+"""The estimates of a step, and the seconds that it took."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimation:
+    """A request: an estimator by name, its layers of parameters, its seed.
+
+    The layers come after the recording's own, which count if ``use_sensor_model``.
+    """
+
+    estimator: str
+    layers: tuple[Layer, ...] = ()
+    seed: int = 1
+    use_sensor_model: bool = True
+
+    @property
+    def module(self) -> Any:
+        """The estimator's module."""
+        return load(GROUP, self.estimator)
+
+    @property
+    def uses_truth(self) -> bool:
+        """Whether the estimator declares that it is to see the recording with its truth."""
+        return bool(getattr(self.module, "USES_TRUTH", False))
+
+    def on(self, setup: Recording, label: str) -> EstimatorRun:
+        """The run over a recording, given without scans, which messages call ``label``.
+
+        Raises
+        ------
+        InputError : the recording lacks what the estimator needs
+        ParameterError : an unknown or impossible parameter
+        """
+        module = self.module
+        visible = {name: s for name, s in setup.streams.items() if s.kind in module.STREAMS}
+        if not visible:
+            has = " ".join(sorted({s.kind for s in setup.streams.values()})) or "no streams"
+            needs = " or ".join(module.STREAMS)
+            raise InputError(f"{label}: has {has}, but {self.estimator} needs a stream of {needs}")
+        setup = replace(setup, streams=visible)
+        stated = sensor_model(setup, module.Params) if self.use_sensor_model else ()
+        if hasattr(module, "resolved"):
+            params = module.resolved(module.Params, setup, stated, self.layers)
+        else:
+            params = resolve(module.Params, *stated, *self.layers)
+        return EstimatorRun(self, setup, params, label)
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorRun:
+    """An estimator at work on one recording: ``setup`` has the streams that it can process."""
+
+    asked: Estimation
+    setup: Recording
+    params: Any
+    label: str
+
+    def steps(self, scans: Iterator[Scan]) -> Iterator[Estimates]:
+        """The estimates, step by step, of all ``scans`` of the recording.
+
+        Raises
+        ------
+        EstimatorError : a step diverges, is not finite or breaks the contract of estimates
+        InputError : there are no scans
+        """
+        return (step for step, _ in self.timed(scans))
+
+    def timed(
+        self, scans: Iterator[Scan], now: Callable[[], float] = perf_counter
+    ) -> Iterator[TimedStep]:
+        """:meth:`steps`, each with the seconds by ``now`` that it took, reading included."""
+        rng = generator(self.asked.seed, f"estimate:{self.asked.estimator}", self.setup.meta.name)
+        seen = (scan for scan in scans if scan.stream in self.setup.streams)
+        steps = self.asked.module.estimate(self.setup, seen, self.params, rng)
+        for number in count(1):
+            start = now()
+            try:
+                step = next(steps, None)
+            except (ArithmeticError, ValueError) as error:
+                if not (isinstance(error, LinAlgError) or is_out_of_range(error)):
+                    raise
+                raise EstimatorError(f"{self.label}: step {number}: {error}") from error
+            seconds = now() - start
+            if step is None:
+                break
+            try:
+                check_objects(step.objects, "objects")
+                check_steps(step.steps, len(step.objects.time_ns))
+            except FormatError as error:
+                reason = f"{error.where} {error.reason}"
+                raise EstimatorError(f"{self.label}: step {number}: {reason}") from error
+            yield step, seconds
+        deque(scans, maxlen=0)
+        if number == 1:
+            raise InputError(f"{self.label}: has no scans to estimate from")
+
+    def provenance(
+        self, versions: Mapping[str, str], digest: str = "", content_digest: str = ""
+    ) -> dict[str, Any]:
+        """The provenance of the estimates.
+
+        ``digest`` is that of what can be seen of the recording, ``content_digest`` that of all of
+        it, which counts where the estimator uses the truth.
+        """
+        input = {"name": self.setup.meta.name, "digest": digest, "content_digest": content_digest}
+        found = {
+            "estimator": self.asked.estimator,
+            "parameters": as_dict(self.params),
+            "seed": self.asked.seed,
+            "versions": dict(versions),
+        }
+        return {**found, "input": {k: v for k, v in input.items() if v}} if digest else found
