@@ -11,23 +11,27 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scene import simulated
 
 import echoset
+from echoset.estimators.presets import presets
 from echoset.metrics.bounds import pcrlb
 from echoset.metrics.kit.table import concatenate
 from echoset.models.records import Array, Estimates, Recording, Scores
 
 SEED = 1
 SEGMENTS = ((11, 30), (31, 60), (61, 80), (81, 110), (111, 130), (131, 180))
-ESTIMATORS = {
+ESTIMATORS: dict[str, Mapping[str, Any]] = {
     "eopda-geo": {},
     "eopda-ideal": {},
+    "eopda-geo tuned": presets("eopda-geo")["tuned"],
+    "eopda-ideal tuned": presets("eopda-ideal")["tuned"],
     "a-eopda-geo": {},
     "a-eopda-ideal": {},
     "ap-pda": {},
@@ -90,10 +94,11 @@ def estimated(name: str, run: int) -> Estimates:
 def scored(name: str, runs: Iterable[int], **settings: object) -> tuple[Scores, float]:
     """Errors of ``runs`` over time with their distribution, and processor seconds of the filter."""
     tables, seconds = [], 0.0
+    settings = {**ESTIMATORS.get(name, {}), **settings}
     for run in runs:
         record = recording(run)
         start = time.process_time()
-        estimates = echoset.estimate(record, name, SEED, **settings)
+        estimates = echoset.estimate(record, name.partition(" ")[0], SEED, **settings)
         seconds += time.process_time() - start
         tables += [echoset.score(estimates, record, metric) for metric in ("rmse", "cdf")]
     return concatenate(tables), seconds
@@ -122,13 +127,13 @@ def main() -> None:
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     print(f"{runs} runs of uwb-olos, seed {SEED}; RMSE of the device [m] ± standard error")
     segments = " ".join(f"{f'{a}-{b}':>13s}" for a, b in SEGMENTS)
-    print(f"{'':14s} {'mean 11-180':>13s} {segments} lost ms/step")
-    for name, settings in ESTIMATORS.items():
-        c = campaign(name, runs, **settings)
+    print(f"{'':17s} {'mean 11-180':>13s} {segments} lost ms/step")
+    for name in ESTIMATORS:
+        c = campaign(name, runs)
         figures = " ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(*c.figures(), strict=True))
-        print(f"{name:14s} {figures} {c.lost:4d} {1e3 * c.seconds:7.1f}", flush=True)
+        print(f"{name:17s} {figures} {c.lost:4d} {1e3 * c.seconds:7.1f}", flush=True)
     for name in ("pcrlb", "pcrlb-star"):
-        print(f"{name:14s} " + " ".join(f"{v:13.3f}" for v in bound(name).figures()[0]))
+        print(f"{name:17s} " + " ".join(f"{v:13.3f}" for v in bound(name).figures()[0]))
 
 
 if __name__ == "__main__":
