@@ -43,6 +43,14 @@ class Import:
         return recording
 
 
+def proposal(name: str, log: str) -> str:
+    """What the importer ``name`` proposes as the mapping of a log."""
+    module = registry.load("echoset.importers", name)
+    if not hasattr(module, "propose"):
+        raise ParameterError(f"the importer {name!r} needs no mapping")
+    return str(module.propose(Path(log))).rstrip("\n")
+
+
 @dataclass(frozen=True, slots=True)
 class Task:
     """A file to be written in another format, or to be imported; ``show`` the progress.

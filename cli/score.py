@@ -83,4 +83,4 @@ def command(
     chosen = layers(names, configuration.layers(config, settings))
     asked, alone = bool(metrics), len(estimates) == 1
     tasks = [Task(source, truth, chosen, asked, alone) for source in estimates]
-    run(tasks, execution, None, deps, Table(target, bounds, pool, limits, config))
+    run(tasks, execution, None, deps, Table(target, bounds, pool, limits, config, asked))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 from time import perf_counter
 from typing import Any
@@ -62,7 +62,11 @@ class Estimation:
             raise InputError(f"{label}: has {has}, but {self.estimator} needs a stream of {needs}")
         setup = replace(setup, streams=visible)
         stated = sensor_model(setup, module.Params) if self.use_sensor_model else ()
-        return EstimatorRun(self, setup, resolve(module.Params, *stated, *self.layers), label)
+        if hasattr(module, "resolved"):
+            params = module.resolved(module.Params, setup, stated, self.layers)
+        else:
+            params = resolve(module.Params, *stated, *self.layers)
+        return EstimatorRun(self, setup, params, label)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +77,8 @@ class EstimatorRun:
     setup: Recording
     params: Any
     label: str
+    found: dict[str, Any] = field(default_factory=dict)
+    """What the estimator assumed or learnt, as its steps state it in ``found`` of their meta."""
 
     def steps(self, scans: Iterator[Scan]) -> Iterator[Estimates]:
         """The estimates, step by step, of all ``scans`` of the recording.
@@ -108,6 +114,7 @@ class EstimatorRun:
             except FormatError as error:
                 reason = f"{error.where} {error.reason}"
                 raise EstimatorError(f"{self.label}: step {number}: {reason}") from error
+            self.found.update(step.meta.provenance.get("found", {}))
             yield step, seconds
         deque(scans, maxlen=0)
         if number == 1:
@@ -128,4 +135,6 @@ class EstimatorRun:
             "seed": self.asked.seed,
             "versions": dict(versions),
         }
+        if self.found:
+            found["found"] = dict(self.found)
         return {**found, "input": {k: v for k, v in input.items() if v}} if digest else found

@@ -97,5 +97,6 @@ METRIC = Metric(
     Params,
     measure,
     summarise,
+    ROWS=("confusion",),
     FOR_SETS=True,
 )

@@ -11,6 +11,8 @@ from ..models.errors import ParameterError
 from ..models.parameters import suggestion
 from ..models.records import Scores
 from .kit.table import keys
+from .pooling import is_rms
+from .protocol import maker
 
 _RELATIONS = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 _GATE = re.compile(r"\s*([^\s:<>=]+)(?::([^<>\s]*))?\s*(>=|<=|>|<)\s*(\S+)\s*")
@@ -52,9 +54,7 @@ class Gate:
         """
         rows = scores.where(metric=self.metric, part=self.part, timed=False)
         if not len(rows):
-            known = {f"{m}:{p}" for m, p in zip(scores.metric, scores.part, strict=True)}
-            hint = suggestion(f"{self.metric}:{self.part or ''}", known)
-            raise ParameterError(f"--fail-if {self.text}: there is no such score{hint}")
+            raise ParameterError(f"--fail-if {self.text.strip()}: {self._missing(scores)}")
         pooled = rows.where(recording="*")
         told = pooled if len(pooled) else rows
         return [
@@ -62,3 +62,17 @@ class Gate:
             for name, value in zip(keys(told), told.value.tolist(), strict=True)
             if _RELATIONS[self.relation](value, self.limit)
         ]
+
+    def _missing(self, scores: Scores) -> str:
+        """Why there is no such score, and how to get it."""
+        asked = self.metric.removesuffix("-mean")
+        made = set(scores.where(timed=False).metric)
+        if asked not in made and (name := maker(asked)) is not None:
+            return f"{self.metric} was not computed: ask for it by -m {name}"
+        if self.metric not in made and asked in made and is_rms(asked):
+            return f"{self.metric} is of pooled scores: ask for it by --pool"
+        if self.part and "@" in self.part and not any("@" in part for part in scores.part):
+            return "there are no scores of spans: ask for them by --segments"
+        known = {f"{m}:{p}" for m, p in zip(scores.metric, scores.part, strict=True)}
+        name = f"{self.metric}:{self.part or ''}"
+        return f"there is no such score{suggestion(name, known)}"

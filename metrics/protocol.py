@@ -24,6 +24,7 @@ class Metric:
     ``measure``, ``summarise`` : those of a metric that goes by steps (see :mod:`.kit.measured`) and
     scores recordings of any length
     ``whole`` : the scores of one that does not, which gets estimates and recording whole
+    ``ROWS`` : its metric names that do not begin with its own
     ``PARTS`` : what it can score: ``device``, ``centre``, ``extent``, ...
     ``STREAMS`` : the stream kinds of which it needs one, and reads the scans; where there are none
     the recording may come with empty streams
@@ -38,6 +39,7 @@ class Metric:
     measure: Measure | None = None
     summarise: Summarise | None = None
     whole: Whole | None = None
+    ROWS: tuple[str, ...] = ()
     PARTS: tuple[str, ...] = ()
     STREAMS: tuple[str, ...] = ()
     FOR_SETS: bool = False
@@ -73,3 +75,11 @@ def load(name: str) -> Metric:
         if f.default is MISSING or hasattr(found, f.name)
     }
     return Metric(**{"whole": getattr(found, "score", None), **said})
+
+
+def maker(row: str) -> str | None:
+    """The metric whose rows are called ``row``, or None."""
+    names = registry.names(GROUP)
+    own = [name for name in names if row in load(name).ROWS]
+    begun = [name for name in names if f"{row}-".startswith(f"{name}-")]
+    return max(own or begun, key=len, default=None)

@@ -8,27 +8,26 @@ from typing import Any
 
 from ..models.errors import InputError
 from ..models.parameters import Layer, as_dict, resolve, sensor_model
-from ..models.records import Estimates, Recording, Scores
+from ..models.records import Estimates, Objects, Recording, Scores
+from .kit.alignment import Scored, settle
 from .kit.measured import Measured, finish
 from .protocol import load
 
 
 class MetricRun:
-    """A metric with its parameters, what it measured so far, and why it does not apply, if so.
-
-    It is ``dropped`` where it turns out not to have been meant.
-    """
+    """A metric with its parameters, what it measured so far, and why it does not apply, if so."""
 
     def __init__(
         self, name: str, user: Iterable[Layer], estimates: Estimates, recording: Recording
     ) -> None:
         """The metric ``name`` with its parameters; it does not apply without a stream it needs."""
-        self.name, self.dropped = name, False
+        self.name = name
         self.error: InputError | None = None
         self._metric = load(name)
         self.params: Any = resolve(
             self._metric.Params, *sensor_model(recording, self._metric.Params), *user
         )
+        self._settled = self.params
         self._names = recording.meta.name, estimates.estimator
         self._measured: list[Measured] = []
         self._steps = 0
@@ -39,20 +38,25 @@ class MetricRun:
             self.error = InputError(f"{recording.meta.name}: {reason}")
 
     @property
-    def for_sets(self) -> bool:
-        """Whether it scores sets of objects."""
-        return self._metric.FOR_SETS
-
-    @property
     def by_steps(self) -> bool:
         """Whether it takes windows of steps."""
         return self._metric.measure is not None
+
+    @property
+    def gap(self) -> float:
+        """The longest gap [s] of the truth that is interpolated, once it is settled."""
+        return float(getattr(self._settled, "max_gap", None) or 0.0)
+
+    def settle(self, start: Objects | None) -> None:
+        """Settle all parameters that follow from the ``start`` of the truth."""
+        if start is not None and isinstance(self.params, Scored):
+            self._settled = settle(self.params, start)
 
     def measure(self, estimates: Estimates, recording: Recording) -> None:
         """Take the next window of steps, unless the metric is out or takes none."""
         if self.error is not None or self._metric.measure is None:
             return
-        params = self.params
+        params = self._settled
         if getattr(params, "skip", 0):
             params = replace(params, skip=max(0, params.skip - self._steps))
         try:
@@ -76,8 +80,6 @@ class MetricRun:
         ------
         InputError : it does not apply, but is ``required``
         """
-        if self.dropped:
-            return None
         table, summarise = self._table, self._metric.summarise
         if self.error is None and table is None and summarise is not None:
             try:

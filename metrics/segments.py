@@ -8,7 +8,7 @@ import numpy as np
 
 from ..models.errors import ParameterError
 from ..models.records import Scores
-from .kit.table import groups, keys, rows
+from .kit.table import groups, rows
 from .pooling import is_rms
 
 
@@ -38,12 +38,14 @@ def segments(scores: Scores, bounds: Sequence[tuple[float, float]]) -> Scores:
     other.
     """
     tables = [scores]
-    for key, indices in groups(keys(scores)).items():
+    names = scores.recording, scores.estimator, scores.metric, scores.part
+    for key, indices in groups(*names).items():
         time, value = scores.time[indices], scores.value[indices]
         for start, stop in bounds:
             v = value[(start <= time) & (time <= stop)]
             if len(v):
                 mean = np.sqrt(np.mean(v**2)) if is_rms(key[2]) else np.mean(v)
-                part = f"{key[3]}@{start:g}:{stop:g}"
-                tables.append(rows((*key[:3], part), np.nan, mean, len(v)))
+                recording, estimator, metric, part = key
+                name = recording, estimator, metric, f"{part}@{start:g}:{stop:g}"
+                tables.append(rows(name, np.nan, mean, len(v)))
     return Scores.join(tables)

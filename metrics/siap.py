@@ -118,6 +118,15 @@ METRIC = Metric(
     Params,
     measure,
     summarise,
+    ROWS=(
+        "completeness",
+        "coverage",
+        "ambiguity",
+        "spurious",
+        "false-objects",
+        "position-error",
+        "label-changes",
+    ),
     PARTS=("object-<label>",),
     FOR_SETS=True,
 )

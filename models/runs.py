@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import accumulate, repeat
@@ -24,7 +25,7 @@ class Runs(Sequence[str]):
             elif count:
                 texts.append(text)
                 counts.append(count)
-        self._texts, self._ends = texts, list(accumulate(counts))
+        self._texts, self._ends = texts, array("q", accumulate(counts))
 
     @staticmethod
     def of(texts: Iterable[str]) -> Runs:
@@ -46,6 +47,10 @@ class Runs(Sequence[str]):
         """Which rows hold a text of which ``test`` is true, as (n,) bool; asked once a run."""
         found = [(test(text), count) for text, count in self.runs()]
         return np.repeat(*np.array(found, np.int64).reshape(-1, 2).T).astype(bool)
+
+    def map(self, change: Callable[[str], str]) -> Runs:
+        """The changed texts; asked once a run."""
+        return Runs((change(text), count) for text, count in self.runs())
 
     def take(self, rows: np.ndarray[Any, Any]) -> Runs:
         """The texts of the ``rows`` (k,)."""
@@ -74,7 +79,7 @@ class Runs(Sequence[str]):
         return isinstance(other, Sequence) and tuple(self) == tuple(other)
 
     def __hash__(self) -> int:
-        return hash((tuple(self._texts), tuple(self._ends)))
+        return hash((tuple(self._texts), self._ends.tobytes()))
 
     def __repr__(self) -> str:
         return f"Runs({list(self.runs())!r})"

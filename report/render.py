@@ -13,7 +13,7 @@ from typing import Any
 from ..models.errors import ParameterError
 from ..models.parameters import suggestion
 from .page import first, page
-from .table import Cell, Number, Table, plain
+from .table import Cell, Number, Table, as_shown, plain
 
 Provenance = Mapping[str, Any]
 
@@ -21,7 +21,9 @@ Provenance = Mapping[str, Any]
 def render(tables: Sequence[Table], format: str, provenance: Provenance | None = None) -> str:
     """``tables`` as the text of a file in one of :data:`FORMATS`, with its provenance.
 
-    CSV and JSON hold all digits; the others what the standard error leaves.
+    CSV and JSON hold all digits, the others as many as the standard error leaves. All but JSON
+    show control characters as escapes; CSV has an apostrophe before a text that a spreadsheet
+    would take for a formula.
 
     Raises
     ------
@@ -29,7 +31,8 @@ def render(tables: Sequence[Table], format: str, provenance: Provenance | None =
     """
     if format not in FORMATS:
         raise ParameterError(f"unknown format {format!r}{suggestion(format, FORMATS)}")
-    return FORMATS[format](tables, provenance or {})
+    shown = tables if format == "json" else [as_shown(t) for t in tables]
+    return FORMATS[format](shown, provenance or {})
 
 
 def _json_line(provenance: Provenance) -> str:
@@ -74,10 +77,15 @@ def _csv(tables: Sequence[Table], provenance: Provenance) -> str:
         text.write("\n" * (i > 0) + (f"# {t.title}\n" if t.title else ""))
         columns = list(zip(*t.rows, strict=True)) if t.rows else [()] * len(t.columns)
         expanded = [_expand(n, c) for n, c in zip(t.columns, columns, strict=True)]
-        writer.writerow([name for column in expanded for name in column])
-        values = [v for column in expanded for v in column.values()]
+        writer.writerow([_harmless(name) for column in expanded for name in column])
+        values = [map(_harmless, v) for column in expanded for v in column.values()]
         writer.writerows(zip(*values, strict=True))
     return text.getvalue()
+
+
+def _harmless(cell: Any) -> Any:
+    """A cell of which no spreadsheet makes a formula."""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith("=") else cell
 
 
 def _expand(name: str, cells: Sequence[Cell]) -> dict[str, list[Any]]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ..models.names import printable
+
 
 @dataclass(frozen=True, slots=True)
 class Number:
@@ -55,6 +57,13 @@ def _fixed(value: float, decimals: int) -> str:
         if decimals > 9
         else f"{value:.0f}"
     )
+
+
+def as_shown(table: Table) -> Table:
+    """The table with all its texts as they are shown."""
+    columns = tuple(map(printable, table.columns))
+    rows = (tuple(printable(c) if isinstance(c, str) else c for c in row) for row in table.rows)
+    return Table(printable(table.title), columns, tuple(rows))
 
 
 def plain(cell: Cell, plus_minus: str = "±") -> str:

@@ -89,7 +89,7 @@ def from_truth(recording: Recording) -> Iterator[tuple[int, float]]:
         if t == EARLY:
             return
         rng = generator(SEED, "truth", recording.meta.name, t)
-        result = sample(scene, params, (C[:, :3], C[:, 3:]), None, rng)
+        result = sample(scene, params, [(C[:, :3], C[:, 3:])], None, rng)
         yield len(result.last[0]), float(result.explored.trace.mean())
 
 

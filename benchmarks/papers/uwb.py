@@ -207,9 +207,9 @@ def main() -> None:
 
 INTRODUCTION = """\
 H. Zhu, A. Venus, E. Leitinger and K. Witrisal, *Multi-Sensor Fusion of Active and Passive
-Measurements for Extended Object Tracking*, 2025. The paper does not state where its anchors
-stand, nor the path; the scenario has its own, so the published numbers are of the same kind but
-not of the same scene.
+Measurements for Extended Object Tracking*, 2025. The paper states where one of its anchors
+stands, in a caption, and not the others, nor the path; the scenario has its own, so the
+published numbers are of the same kind but not of the same scene.
 
 ## Table I and the segments of figure 5a
 

@@ -1,8 +1,8 @@
 """Estimated and true objects at the same times, as sets.
 
-At a time between two of the truth, those objects are there that stand in both, interpolated
-linearly. A step is left out, and counted, where the truth is not known: before its first time,
-after its last, or between two that are more than ``max_gap`` apart. An empty set is known.
+Every true object is interpolated between samples of its own (:func:`.alignment.at_times`). A step
+is left out, and counted, where the truth is not known: before its first time, after its last, or
+between two that are more than ``max_gap`` apart. An empty set is known.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array, Estimates, Objects, Recording
-from .alignment import Scored, blend, bracket, seconds
+from .alignment import Scored, at_times, is_known, seconds, settle
 from .assignment import CandidatePairs, near
 from .errors import axes
 
@@ -76,17 +76,15 @@ def align(estimates: Estimates, recording: Recording, scored: Scored) -> Aligned
     if len(names) < 2:
         raise InputError(f"{recording.meta.name}: truth and estimates have no x y in common")
     inside = scored.contains(objects.time_ns)
-    known = np.zeros(len(inside), bool)
-    before = after = np.zeros(len(inside), np.int64)
-    w = np.zeros(len(inside))
-    if len(truth.time_ns):
-        before, after, w, known = bracket(truth.time_ns, objects.time_ns, scored)
+    settled = settle(scored, truth)
+    gap, own = settled.max_gap, bool(settled.own_times)
+    assert gap is not None
+    known = is_known(truth, objects.time_ns, gap)
     steps = np.flatnonzero(inside & known)
-    time_ns = objects.time_ns[steps]
-    true = _between(truth, before[steps], after[steps], w[steps], time_ns)
+    true = at_times(truth, objects.time_ns[steps], gap, own)
     estimated = objects.at(steps)
     return AlignedSets(
-        seconds(time_ns),
+        seconds(true.time_ns),
         steps,
         true,
         estimated,
@@ -94,20 +92,3 @@ def align(estimates: Estimates, recording: Recording, scored: Scored) -> Aligned
         estimated.columns(*names),
         int((inside & ~known).sum()),
     )
-
-
-def _between(truth: Objects, before: Array, after: Array, w: Array, time_ns: Array) -> Objects:
-    """The objects that stand in both of two steps (k,), with weight ``w`` (k,) of the second."""
-    labels, label = np.unique(truth.label, return_inverse=True)
-    step = np.repeat(np.arange(len(truth.time_ns)), np.diff(truth.row_offset))
-    key = step * len(labels) + label
-    order = np.argsort(key)
-    rows, count = truth.rows_of(before)
-    k = np.repeat(np.arange(len(before)), count)
-    wanted = after[k] * len(labels) + label[rows]
-    found = np.searchsorted(key[order], wanted).clip(max=len(key) - 1)
-    both = key[order[found]] == wanted if len(key) else np.zeros(0, bool)
-    counts = np.bincount(k[both], minlength=len(before))
-    first = truth.take(rows[both], time_ns, counts)
-    second = truth.take(order[found[both]], time_ns, counts)
-    return blend(first, second, w[k[both]])

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...models.records import Scores
+from ...models.records import Array, Scores
 from ...models.runs import Runs
 
 Key = tuple[str, str, str, str]
@@ -27,9 +27,15 @@ def keys(scores: Scores) -> list[Key]:
     return list(zip(scores.recording, scores.estimator, scores.metric, scores.part, strict=True))
 
 
-def groups(names: Sequence[Any]) -> dict[Any, list[int]]:
-    """Indices of the rows of each distinct name, in the order of first appearance."""
-    found: dict[Any, list[int]] = {}
-    for i, name in enumerate(names):
-        found.setdefault(name, []).append(i)
-    return found
+def groups(*columns: Sequence[str]) -> dict[tuple[str, ...], Array]:
+    """Indices (k,) of the rows of each distinct combination, in the order of first appearance."""
+    code = np.zeros(len(columns[0]), np.int64)
+    for column in columns:
+        known: dict[str, int] = {}
+        found = [(known.setdefault(text, len(known)), n) for text, n in Runs.of(column).runs()]
+        numbers, counts = np.array(found, np.int64).reshape(-1, 2).T
+        _, code = np.unique(code * len(known) + np.repeat(numbers, counts), return_inverse=True)
+    order = np.argsort(code, kind="stable")
+    members = np.split(order, np.cumsum(np.bincount(code))[:-1]) if len(order) else []
+    members.sort(key=lambda rows: int(rows[0]))
+    return {tuple(column[rows[0]] for column in columns): rows for rows in members}

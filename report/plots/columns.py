@@ -87,7 +87,9 @@ class Series:
 def series(pooled: Scores, metric: str, part: str, selection: Selection) -> list[Series]:
     """The series of a metric's part, estimators first, then bounds (see :mod:`..pivot`)."""
     bounds = set(pooled.where(estimator="").metric)
-    rows = [r for r in records(pooled) if r.metric == metric and r.part == part]
+    asked = (metric, bool), (None, "")
+    some = Scores.join(pooled.where(metric=m, estimator=e, part=part) for m, e in asked)
+    rows = [r for r in records(some) if r.metric == metric]
     rows = [r for r in rows if selection.start <= r.time <= selection.stop]
     many = len({r.scenario for r in rows}) > 1
     found = []

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from echoset.metrics.kit.table import Key, rows
 from echoset.metrics.pooling import pool
@@ -109,3 +110,17 @@ def test_segments() -> None:
     for text in ("", "1", "1:2:3", "a:b", "2:1", "nan:1"):
         with pytest.raises(ParameterError, match="segment"):
             parse(text)
+
+
+def test_standard_error_where_few_recordings_err() -> None:
+    """One of R recordings errs: its root mean square is that of a binomial number of draws."""
+    for count, error in ((5, 1.7), (7, 0.001), (10, 2.3), (11, 0.001)):
+        pooled = pool(campaign([np.full(3, error), *[np.zeros(3)] * (count - 1)]))
+        drawn = np.arange(count + 1)
+        p = binom.pmf(drawn, count, 1 / count)
+        root = error * np.sqrt(drawn / count)
+        mean = p @ root
+        variance, fourth = p @ (root - mean) ** 2, p @ (root - mean) ** 4
+        spread = np.sqrt((fourth - variance**2) / 1000) / (2 * np.sqrt(variance))
+        assert abs(get(pooled, "rmse")[2] - np.sqrt(variance)) < 4.5 * spread
+        assert get(pooled, "rmse")[0] == pytest.approx(error / np.sqrt(count), rel=1e-12)

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.sets import scene
+from support.sets import SECOND, scene, some
 
 import echoset
 from echoset import formats
@@ -19,7 +19,7 @@ from echoset.metrics import protocol
 from echoset.metrics.kit.table import rows
 from echoset.models import registry
 from echoset.models.parameters import parameter
-from echoset.models.records import Estimates, Meta, Recording, Sensor, Stream
+from echoset.models.records import Estimates, Meta, Objects, Recording, Sensor, Stream, Truth
 
 BOUNDS = ("pcrlb", "pcrlb-star")
 NAMES = registry.names("echoset.metrics")
@@ -115,3 +115,71 @@ def test_plain_module_is_a_metric(monkeypatch):
     assert (metric.PARTS, metric.STREAMS, metric.FOR_SETS, metric.QUADRATIC) == ((), (), False, ())
     estimates, recording = scene(True)
     assert echoset.score(estimates, recording, "plain", offset=3.0).value.tolist() == [3.0]
+
+
+def test_number_of_steps_that_count_is_told(tmp_path, capsys):
+    """A reference of every 10 s, known at 100 s of 400."""
+    times = np.arange(400) * SECOND
+    rng = np.random.default_rng(3)
+    estimates = Estimates(Meta("r", provenance={"estimator": "e"}), some(rng, times, 1, True), {})
+    truth = Truth(some(rng, times[100:201:10], 1, True))
+    estimates = replace(estimates, recording=Recording(Meta("r"), {}, {}, truth))
+    formats.write(estimates, tmp_path / "e.h5", "h5")
+    for metric in ("rmse", "gospa"):
+        words = ("score", tmp_path / "e.h5", "-m", metric, "-o", tmp_path / f"{metric}.csv")
+        assert main([*map(str, words)]) == 0
+        (line,) = capsys.readouterr().err.splitlines()
+        assert f"{metric} is of 101 of 400 steps" in line
+        found = archive.read(tmp_path / f"{metric}.csv").where(metric=f"{metric}-left-out")
+        assert (found.value.tolist(), found.n.tolist()) == ([299.0], [400])
+
+
+def few(run: int, objects: int) -> Estimates:
+    """Estimates of ten steps of so many objects, all right but one that is 3 m off."""
+    label = np.tile(np.arange(objects), 10)
+    state = np.stack((100.0 * label, np.repeat(np.arange(10.0), objects)), 1)
+    time, offset = np.arange(10) * SECOND, np.arange(11) * objects
+    truth = Objects(time, offset, label, ("x", "y"), ("m", "m"), state)
+    moved = replace(truth, state=state + 3.0 * (label[:, None] == 0) * [1, 0])
+    meta = Meta(f"a-s1-{run:04d}", provenance={"estimator": "e"})
+    return Estimates(meta, moved, {}, Recording(meta, {}, {}, Truth(truth)))
+
+
+def test_metrics_are_chosen_once_for_a_campaign(tmp_path, capsys):
+    """One object in the first two of four runs, four in the others: GOSPA is of all."""
+    files = [tmp_path / f"{run}.h5" for run in range(4)]
+    for run, path in enumerate(files):
+        formats.write(few(run, 1 if run < 2 else 4), path, "h5")
+    out = tmp_path / "scores.csv"
+    assert main(["score", *map(str, files), "--pool", "-o", str(out)]) == 0
+    found = archive.read(out).where(recording="*", timed=False)
+    (gospa,) = (i for i, m in enumerate(found.metric) if m == "gospa" and not found.part[i])
+    assert (found.value[gospa], found.n[gospa]) == (pytest.approx(3.0), 4)
+    assert found.where(metric="completeness").value.tolist() == [1.0]
+    assert "rmse" not in set(found.metric)
+    (told,) = (line for line in capsys.readouterr().err.splitlines() if "without rmse" in line)
+    assert "does not apply to all files" in told and "several objects" in told
+    assert main(["score", *map(str, files[:2]), "-o", str(tmp_path / "two.csv")]) == 0
+    two = archive.read(tmp_path / "two.csv")
+    assert "rmse" in set(two.metric) and "gospa" not in set(two.metric)
+
+
+@pytest.mark.parametrize(
+    ("gate", "hint"),
+    [
+        ("gospa > 1", "ask for it by -m gospa"),
+        ("gospa-rms:missed > 1", "ask for it by -m gospa"),
+        ("ospa-gw > 1", "ask for it by -m ospa-gw"),
+        ("completeness < 1", "ask for it by -m siap"),
+        ("rmse-mean:centre > 1", "ask for it by --pool"),
+        ("rmse:centre@1:2 > 1", "ask for them by --segments"),
+        ("rmse:center > 1", "did you mean 'rmse:centre'"),
+    ],
+)
+def test_gate_on_what_was_not_computed_tells_how(gate, hint, tmp_path, capsys):
+    formats.write(few(0, 1), tmp_path / "e.h5", "h5")
+    words = ("score", tmp_path / "e.h5", "-m", "rmse", "--fail-if", gate, "-o", tmp_path / "s.csv")
+    assert main([*map(str, words)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert gate in line and hint in line
+    assert not (tmp_path / "s.csv").exists()

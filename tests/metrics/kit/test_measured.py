@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.sets import SECOND, scene
+from support.sets import scene
 
 from echoset.formats.windows import part
 from echoset.metrics.beside import TruthWindow
@@ -29,10 +29,11 @@ def rows(scores) -> list[tuple[object, ...]]:
 @pytest.mark.parametrize("name", BY_STEPS)
 @pytest.mark.parametrize("size", [1, 7, 60])
 @pytest.mark.parametrize("skip", [0, 10])
-def test_windows_give_the_scores_of_the_whole(name, size, skip):
+@pytest.mark.parametrize("max_gap", [2.0, None])
+def test_windows_give_the_scores_of_the_whole(name, size, skip, max_gap):
     metric = load(name)
     has_span = "skip" in metric.Params.__dataclass_fields__
-    user = (("test", {"skip": skip, "max_gap": 2.0} if has_span else {}),)
+    user = (("test", {"skip": skip, "max_gap": max_gap} if has_span else {}),)
     for alone in (True, False):
         estimates, recording = scene(alone)
         truth = recording.truth.objects
@@ -40,11 +41,12 @@ def test_windows_give_the_scores_of_the_whole(name, size, skip):
         pieces = (
             replace(recording, truth=Truth(truth.part(k, min(k + 4, 50)))) for k in range(0, 50, 4)
         )
-        beside = TruthWindow(head, pieces, 2 * SECOND)
+        beside = TruthWindow(head, pieces)
         running = MetricRun(name, user, estimates, recording)
+        running.settle(beside.start)
         for k in range(0, 60, size):
             window = part(estimates, k, min(k + size, 60))
-            running.measure(window, beside.around(window.objects.time_ns))
+            running.measure(window, beside.around(window.objects.time_ns, running.gap))
         found = running.finish(required=False)
         try:
             whole = metric.score(estimates, recording, running.params)
