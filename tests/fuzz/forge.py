@@ -309,7 +309,8 @@ def _run(arguments: list[str]) -> tuple[int | None, str, bool]:
             os.close(kept[1])
         err.seek(0)
         text = err.read().decode("utf-8", "replace")
-    known = [str(e) for e in raised if "holds no recording" not in e.reason]
+    own = [e for e in raised if "forged." in e.path and "holds no recording" not in e.reason]
+    known = [str(e) for e in own]
     damaged = code == 4 and any(line.split(": ", 1)[-1][:60] in text for line in known)
     return code, text, damaged
 
