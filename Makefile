@@ -34,7 +34,7 @@ demo: $(STAMP)
 
 # The README's table: 100 runs, every estimator. An hour on two cores.
 marks: $(STAMP)
-	PYTHONPATH=benchmarks $(BIN)/python -m papers.marks_eopda
+	PYTHONPATH=benchmarks $(BIN)/python -m papers.uwb
 
 # The unit tests.
 test: $(STAMP)
@@ -73,23 +73,23 @@ bench: $(STAMP)
 
 # Figures 2-6 of the sensor control paper as tables.
 control-table: $(STAMP)
-	PYTHONPATH=benchmarks $(BIN)/python -m papers.control_table
+	PYTHONPATH=benchmarks $(BIN)/python -m papers.control
 
 # Filters on measured marine radar, beside an empty output and an oracle.
 autoferry: $(STAMP)
-	PYTHONPATH=benchmarks $(BIN)/python -m papers.autoferry_table
+	PYTHONPATH=benchmarks $(BIN)/python -m papers.autoferry
 
 # The README's table of a measured UWB recording.
 labyrinth: $(STAMP)
-	PYTHONPATH=benchmarks $(BIN)/python -m papers.labyrinth_table
+	PYTHONPATH=benchmarks $(BIN)/python -m papers.labyrinth
 
 # The DI-GSNCP paper's Fig. 2 as a table and as data: 100 runs, every method, on two cores.
 gsncp-table: $(STAMP)
-	PYTHONPATH=benchmarks $(BIN)/python -m papers.gsncp_table --runs 100 --jobs $(JOBS) -o gsncp
+	PYTHONPATH=benchmarks $(BIN)/python -m papers.extended --runs 100 --jobs $(JOBS) -o gsncp
 
 # Figures 3 and 4 of the paper on base stations that sense, with an error budget. An hour.
 jsc-table: $(STAMP)
-	PYTHONPATH=benchmarks $(BIN)/python -m papers.jsc_table --jobs $(JOBS) -o jsc
+	PYTHONPATH=benchmarks $(BIN)/python -m papers.stations --jobs $(JOBS) -o jsc
 
 # Tables and figures of the papers, ours beside the published, into docs/results; up to ninety
 # minutes on two cores. What was made before, in build/pieces, is not made again.

@@ -11,8 +11,7 @@ from .estimators.run import Estimation
 from .formats.atomic import atomic
 from .formats.provenance import versions
 from .formats.windows import concatenate
-from .models import registry
-from .models.parameters import resolve, sensor_model
+from .metrics import run
 from .models.records import Estimates, Recording, Scores
 
 
@@ -65,8 +64,5 @@ def score(estimates: Estimates, recording: Recording, metric: str, **parameters:
     ParameterError : an unknown metric or parameter, or an impossible value
     InputError : there is no truth, or it or the estimates lack what the metric needs
     """
-    module = registry.load("echoset.metrics", metric)
-    user = ("parameters", parameters)
-    params = resolve(module.Params, *sensor_model(recording, module.Params), user)
-    scores: Scores = module.score(estimates, recording, params)
-    return scores
+    found = run.score(metric, [("parameters", parameters)], estimates, recording)
+    return replace(found, provenance={**found.provenance, "versions": versions()})

@@ -45,7 +45,10 @@ def move_seconds(world: Recording, moves: int) -> tuple[int, float]:
     *_, (_, scene) = di_gsncp.scenes(world.setup(), world.scans(), params)
     assert world.truth is not None
     C = world.truth.objects.state[: world.truth.objects.row_offset[1]]
-    state, rng = gsncp.empty(scene, params.max_targets), generator(1, "bench", "chain")
+    state, rng = (
+        gsncp.empty(scene, params.places(len(scene.weight))),
+        generator(1, "bench", "chain"),
+    )
     put(state, C[:, :3], C[:, 3:])
     clutter = sum((s.rows["origin_id"] < 0).sum() for s in world.streams.values())
     intensity = np.array([1e-3, clutter / (1e4 * (len(scene.offset) - 1))])

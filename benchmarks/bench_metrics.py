@@ -12,10 +12,12 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+from functools import partial
+
 import numpy as np
 from calibration import fastest, kernel
 
-from echoset.models import registry
+import echoset
 from echoset.models.random import generator
 from echoset.models.records import Estimates, Meta, Objects, Recording, Truth
 
@@ -54,10 +56,9 @@ def main() -> None:
         for side in (1000.0, 30.0):
             estimates, recording = scene(scans, side, rng)
             for name in METRICS:
-                metric = registry.load("echoset.metrics", name)
-                params = metric.Params()
-                metric.score(estimates, recording, params)
-                cost = fastest(lambda: metric.score(estimates, recording, params))  # noqa: B023
+                score = partial(echoset.score, estimates, recording, name)
+                score()
+                cost = fastest(score)
                 ratio = cost / unit
                 print(f"{name:16} {scans:6} {side:6.0f} {1e3 * cost:8.1f} {ratio:7.3f}")
 

@@ -18,7 +18,7 @@ from . import exits, log
 from .batch import resume
 from .batch.execution import Execution
 from .batch.task import Whole
-from .inputs import is_scores, label, read, read_scores, spooled
+from .inputs import is_pipe, is_scores, label, spooled
 from .layers import layers
 from .outputs import DASH, Target
 from .progress import share
@@ -57,12 +57,13 @@ class Task:
     recover: bool = False
 
     @property
-    def sources(self) -> tuple[str, ...]:
+    def sources(self) -> tuple[str | None, ...]:
         """The files that are read."""
-        return (self.label,) if self.foreign is None else self.foreign.inputs
+        f = self.foreign
+        return (self.label,) if f is None else (*f.inputs, f.mapping, f.config)
 
     def placed(self, execution: Execution) -> Task:
-        """The task for those who do it."""
+        """The task with the paths of the workers."""
         foreign = self.foreign
         if foreign is not None:
             foreign = replace(foreign, inputs=execution.places(foreign.inputs))
@@ -71,7 +72,7 @@ class Task:
 
     def decide(self) -> resume.Decision:
         """Whether the file has to be written: not if its content is the same already."""
-        if self.foreign is not None or self.label == DASH:
+        if self.foreign is not None or is_pipe(self.label):
             return resume.decide(replace(self.target, resume=False), dict)
         return resume.decide(self.target, self._expected)
 
@@ -88,24 +89,14 @@ class Task:
         if self.foreign is not None:
             _write(self.foreign.read(), self.target)
             return False
-        if self.recover:
-            return self._recover()
-        if self.label != DASH and is_scores(self.label):
-            _write(read_scores(self.label), self.target)
-            return False
         with spooled(self.label) as path:
-            if not _passed_on(path, self):
-                _write(read(str(path)), self.target)
-        return False
-
-    def _recover(self) -> bool:
-        with spooled(self.label) as path:
-            try:
+            if self.recover:
                 return _recovered(path, self)
-            except FormatError as error:
-                if error.path != str(path) or self.label != DASH:
-                    raise
-                raise FormatError("<stdin>", error.where, error.reason) from error
+            if self.label != DASH and is_scores(path, self.label):
+                _write(scores.read(path, self.label), self.target)
+            elif not _passed_on(path, self):
+                _write(formats.read(path, label(self.label)), self.target)
+        return False
 
 
 class Recovered(Whole[bool]):

@@ -6,7 +6,7 @@ from array import array
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ..estimators.run import GROUP, Estimation, TimedStep
 from ..formats import Writer, header, open_source, read, writer
 from ..formats import scores as files
 from ..formats.provenance import versions
-from ..metrics.kit.table import concatenate, rows
+from ..metrics.kit.table import rows
 from ..models.errors import InputError, ParameterError
 from ..models.parameters import Layer
 from ..models.records import Meta, Recording, Scores
@@ -24,7 +24,7 @@ from . import progress
 from .batch import resume
 from .batch.execution import Execution
 from .batch.task import Whole
-from .inputs import label, stdin
+from .inputs import is_pipe, label, spooled, stdin
 from .outputs import DASH, Existing, Target, scores_format, single
 
 METRIC = "time-per-step"
@@ -64,13 +64,13 @@ class Task:
         return self.source, self.config
 
     def placed(self, execution: Execution) -> Task:
-        """The task for those who do it."""
+        """The task with the paths of the workers."""
         source, target = execution.place(self.source), execution.target(self.target)
         return replace(self, source=source, target=target)
 
     def decide(self) -> resume.Decision:
         """Whether the estimates have to be made."""
-        if self.source == DASH:
+        if is_pipe(self.source):
             return resume.decide(replace(self.target, resume=False), dict)
         return resume.decide(self.target, self._expected)
 
@@ -82,7 +82,9 @@ class Task:
             run = self.asked.on(source.setup, self.label)
         finally:
             source.close()
-        return run.provenance(versions(), header(path)["observed_digest"], self._content_digest())
+        return run.provenance(
+            versions(), header(path)["observed_digest"], self._content_digest(path)
+        )
 
     def run(self) -> Timing:
         """Run the estimator over the recording and write its estimates.
@@ -94,13 +96,19 @@ class Task:
         EstimatorError : an estimate that is not finite or breaks the contract of estimates
         OutputError : the output exists or cannot be written
         """
-        uses_truth = self.asked.uses_truth
+        if self.source == DASH:
+            return self._estimate(stdin())
+        with spooled(self.source) as path:
+            return self._estimate(path)
+
+    def _estimate(self, place: Path | IO[bytes]) -> Timing:
+        """Estimate the recording at ``place``, a stream of stdin or a file."""
+        content = self._content_digest(place)
         progress.announce_compilation()
-        piped = self.source == DASH
-        carried = piped and self.target.path is None
-        source = open_source(stdin() if piped else Path(self.source), self.label, keep=carried)
+        carried = is_pipe(self.source) and self.target.path is None
+        source = open_source(place, self.label, keep=carried)
         try:
-            setup = self._whole() if uses_truth else source.setup
+            setup = self._whole(place) if content else source.setup
             run = self.asked.on(setup, self.label)
             steps = run.timed(source.scans())
             with self.target.open() as target:
@@ -109,8 +117,8 @@ class Task:
                     meta = replace(setup.meta, provenance=run.provenance(versions()))
                     shown = progress.share(steps, source) if self.show else steps
                     timing = _append(shown, out, meta)
-                    digests = source.observed_digest, self._content_digest()
-                    meta = replace(meta, provenance=run.provenance(versions(), *digests))
+                    provenance = run.provenance(versions(), source.observed_digest, content)
+                    meta = replace(meta, provenance=provenance)
                     out.close(meta, source.recording() if carried else None)
                     return timing
                 finally:
@@ -118,19 +126,21 @@ class Task:
         finally:
             source.close()
 
-    def _whole(self) -> Recording:
+    def _whole(self, place: Path | IO[bytes]) -> Recording:
         """The recording with its truth, for an estimator that declares that it uses it."""
-        if self.source == DASH:
-            name = self.asked.estimator
-            raise InputError(f"{self.label}: {name} uses the truth: give it a file")
-        record = read(Path(self.source))
+        record = read(place, self.label)
         if not isinstance(record, Recording):
             raise InputError(f"{self.label}: holds estimates, not a recording")
         return record
 
-    def _content_digest(self) -> str:
+    def _content_digest(self, place: Path | IO[bytes]) -> str:
         """The digest of the whole recording, where the estimator uses its truth."""
-        return str(header(Path(self.source))["content_digest"]) if self.asked.uses_truth else ""
+        if not self.asked.uses_truth:
+            return ""
+        if not isinstance(place, Path):
+            name = self.asked.estimator
+            raise InputError(f"{self.label}: {name} uses the truth: give it a file")
+        return str(header(place)["content_digest"])
 
 
 def _append(steps: Iterable[TimedStep], out: Writer, meta: Meta) -> Timing:
@@ -166,6 +176,8 @@ class Times(Whole[Timing]):
     table that is there is in the way of new times only.
     """
 
+    option = "--timing"
+
     def __init__(self, file: str | None, existing: Existing) -> None:
         if file is None:
             return
@@ -192,4 +204,4 @@ def _table(timings: Iterable[Timing]) -> Scores:
         stderr = seconds.std() / np.sqrt(len(seconds))
         tables.append(rows(key, np.array(timing.time_ns) / 1e9, seconds))
         tables.append(rows(key, np.nan, seconds.mean(), len(seconds), stderr))
-    return replace(concatenate(tables), provenance={"versions": versions()})
+    return replace(Scores.join(tables), provenance={"versions": versions()})

@@ -9,7 +9,8 @@
 5          output exists or cannot be written
 6          a ``--fail-if`` gate
 7          estimator failed
-75         a lock is held, or a cluster cannot be reached: try again later
+75         a lock is held, a cluster cannot be reached, or the machine has not enough memory,
+           processes or descriptors: try again later
 128 + n    ended by signal n: 129 hang-up, 130 Ctrl-C, 141 closed pipe, 143 SIGTERM
 =========  =========================================================================
 
@@ -28,20 +29,21 @@ from threading import Timer
 from time import monotonic
 from types import FrameType
 
-from ..models.errors import EchosetError
+from ..models.errors import EchosetError, OutputError, UnavailableError
 
 SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
 PARTIAL, GATE = 3, 6
 _SOON = 0.05
-_RANKING = (1, 7, 5, 4, PARTIAL)
+_RANKING = (UnavailableError.exit_code, 1, 7, 5, 4, PARTIAL)
 MEANINGS = {
     1: "internal error, or a worker that died",
     2: "configuration",
     4: "input unreadable, corrupt or lacking what is needed",
     5: "output exists or cannot be written",
     7: "estimator failed",
+    75: "the machine has not enough",
 }
-"""What failed where a task ends with this code."""
+"""Reasons of failed tasks by exit code."""
 
 
 class Terminated(SystemExit):
@@ -77,12 +79,22 @@ def exit_code(error: BaseException) -> int:
 
 
 def message(error: BaseException) -> str:
-    """What the user is told of ``error``."""
+    """``error`` as a message for the user."""
     if isinstance(error, EchosetError):
         return str(error)
     if isinstance(error, Terminated):
         return f"ended by signal {int(str(error.code)) - 128}"
     return f"internal error: {type(error).__name__}: {error}"
+
+
+_received: list[int] = []
+"""Signals that have asked the process to end."""
+
+
+def check_signals() -> None:
+    """Raise :class:`Terminated` again if a signal came and what it raised was caught or changed."""
+    if _received:
+        raise Terminated(_received[0])
 
 
 def handle_signals(patience: float = 1.0) -> None:
@@ -96,6 +108,7 @@ def handle_signals(patience: float = 1.0) -> None:
     def terminate(signum: int, frame: FrameType | None) -> None:
         nonlocal last
         before, last = last, monotonic()
+        _received.append(signum)
         if last - before >= patience:
             raise Terminated(signum)
 
@@ -122,6 +135,7 @@ def signals() -> Iterator[None]:
     """:func:`handle_signals` within the block."""
     before = {signum: signal.getsignal(signum) for signum in SIGNALS}
     report = sys.unraisablehook
+    _received.clear()
     handle_signals()
     try:
         yield
@@ -134,3 +148,30 @@ def signals() -> Iterator[None]:
 def drop_stdout() -> None:
     """Lose what waits to be written to a stdout that takes no more, and would fail at the end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def stdout_error(error: Exception) -> OutputError | None:
+    """``error`` as one of writing to stdout, which then takes no more; None if it was another."""
+    if not isinstance(error, OSError) or error.filename is not None:
+        return None
+    try:
+        sys.stdout.flush()
+    except OSError:
+        drop_stdout()
+        return OutputError(f"stdout: cannot be written: {error.strerror or error}")
+    return None
+
+
+def open_standard_streams() -> None:
+    """Open the null device as stdin, stdout and stderr where these are closed, as cron may do.
+
+    Else the next file that is opened would take their place, and their output with it.
+    """
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+        if getattr(sys, name) is None:
+            mode = "r" if name == "stdin" else "w"
+            setattr(sys, name, open(descriptor, mode, closefd=False, encoding="utf-8"))  # noqa: SIM115

@@ -1,24 +1,27 @@
-"""What a file holds, without reading all of it."""
+"""Contents of a file, without reading all of it."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from pathlib import Path, PurePath
+from pathlib import PurePath
 from typing import Any
 
 from .. import formats
-from .inputs import SCORES, read_scores
+from ..formats import scores as tables
+from .inputs import SCORES, label, spooled
+from .names import printable
 
 
 def inspect(file: str) -> dict[str, Any]:
     """Header and shapes by path; of scores, the names in them."""
-    if PurePath(file).suffix not in SCORES:
-        found = formats.summary(Path(file))
-        if found["kind"] != "scores":
-            provenance = {k: json.loads(v) for k, v in found.items() if _is_provenance(k)}
-            return {**found, **provenance}
-    scores = read_scores(file)
+    with spooled(file) as path:
+        if PurePath(file).suffix not in SCORES:
+            found = formats.summary(path)
+            if found["kind"] != "scores":
+                provenance = {k: json.loads(v) for k, v in found.items() if _is_provenance(k)}
+                return {**found, **provenance}
+        scores = tables.read(path, label(file))
     columns = ("recording", "estimator", "metric", "part")
     names = {f"{c}s": list(dict.fromkeys(filter(None, getattr(scores, c)))) for c in columns}
     return {"kind": "scores", "rows": len(scores), **names, "provenance": scores.provenance}
@@ -29,8 +32,8 @@ def _is_provenance(path: str) -> bool:
 
 
 def lines(found: Mapping[str, Any]) -> Iterator[str]:
-    """What :func:`inspect` has found in the file ``found["file"]``, for people."""
-    yield f"{found['file']}: {found['kind']}"
+    """The result of :func:`inspect` for the file ``found["file"]`` as text."""
+    yield f"{printable(found['file'])}: {found['kind']}"
     shapes: Mapping[str, tuple[int, ...]] = found.get("shapes", {})
     for path, shape in sorted(shapes.items()):
         if path.endswith("/time_ns") and "sensors/" not in path:
@@ -66,4 +69,4 @@ def _table(
 
 
 def _entry(name: str, text: str) -> str:
-    return f"  {name:<16} {text}"
+    return f"  {printable(name):<16} {printable(text)}"

@@ -55,7 +55,7 @@ def assignments(items: Iterable[str]) -> dict[str, Any]:
 
 
 def layers(config: str | None, settings: Iterable[str]) -> tuple[Layer, ...]:
-    """What the user gives, the later winning: the file of ``--config``, then ``--set``."""
+    """The user's layers, the later winning: the file of ``--config``, then ``--set``."""
     file = ((config, load(Path(config))),) if config else ()
     return *file, ("--set", assignments(settings))
 

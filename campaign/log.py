@@ -1,11 +1,12 @@
-"""What the command says on stderr: one line a message, as text or as JSON."""
+"""Messages on stderr: one line each, as text or as JSON."""
 
 from __future__ import annotations
 
-import json
 import logging
 import sys
 from datetime import UTC, datetime
+
+from .names import json_text, printable
 
 FORMATS = ("text", "json")
 logger = logging.getLogger("echoset")
@@ -26,7 +27,10 @@ class _Text(logging.Formatter):
         return f"{time}echoset: {level}{_one_line(record)}" + self._traceback(record)
 
     def _traceback(self, record: logging.LogRecord) -> str:
-        return "\n" + self.formatException(record.exc_info) if record.exc_info else ""
+        if not record.exc_info:
+            return ""
+        lines = self.formatException(record.exc_info).splitlines()
+        return "".join(f"\n{printable(line)}" for line in lines)
 
 
 class _Json(logging.Formatter):
@@ -40,7 +44,7 @@ class _Json(logging.Formatter):
         }
         if record.exc_info:
             entry["traceback"] = self.formatException(record.exc_info)
-        return json.dumps(entry, ensure_ascii=False)
+        return json_text(entry)
 
 
 class _Stderr(logging.Handler):
@@ -57,7 +61,7 @@ class _Stderr(logging.Handler):
 
 
 def _one_line(record: logging.LogRecord) -> str:
-    return " ".join(record.getMessage().split())
+    return printable(" ".join(record.getMessage().split()))
 
 
 _settings: tuple[int, str] = (0, "text")
@@ -82,7 +86,7 @@ def error(text: str, cause: BaseException | None = None) -> None:
 
 
 def settings() -> tuple[int, str]:
-    """What :func:`configure` was called with last, for another process."""
+    """The last arguments of :func:`configure`, for another process."""
     return _settings
 
 

@@ -1,10 +1,11 @@
-"""Where outputs go: files that appear whole, or stdout."""
+"""Outputs: files that appear whole, or stdout."""
 
 from __future__ import annotations
 
+import os
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,8 +60,8 @@ class Target:
                 yield stream
 
     def write_text(self, text: str) -> None:
-        """Write ``text`` as the whole output."""
-        self.write_bytes(text.encode())
+        """Write ``text``, in which names may stand that are not UTF-8, as the whole output."""
+        self.write_bytes(text.encode("utf-8", "surrogateescape"))
 
     def write_bytes(self, data: bytes) -> None:
         """Write ``data`` as the whole output."""
@@ -89,12 +90,46 @@ def say(line: str) -> None:
     Target(None, "text").write_text(line + "\n")
 
 
-def single(output: str, form: str, overwrite: bool = False) -> Target:
-    """The target of a command with one output.
+def refuse_collisions(
+    outputs: Iterable[tuple[str, Path | str | None]], inputs: Iterable[str | None]
+) -> None:
+    """Raise :class:`ParameterError` if an output, with its option, is an input or another output.
+
+    Files are compared as the system knows them, whatever they are called.
+    """
+    folders: dict[str, str] = {}
+
+    def identity(path: str) -> object:
+        try:
+            found = os.stat(path)
+        except OSError:
+            if os.path.islink(path):
+                return os.path.realpath(path)
+            folder, name = os.path.split(path)
+            if folder not in folders:
+                folders[folder] = os.path.realpath(folder)
+            return os.path.join(folders[folder], name)
+        return found.st_dev, found.st_ino
+
+    read = {identity(name) for name in inputs if name is not None and name != DASH}
+    written: dict[object, str] = {}
+    for option, path in outputs:
+        if path is None or str(path) == DASH:
+            continue
+        key = identity(str(path))
+        if key in read:
+            raise ParameterError(f"{option} {path}: is an input too")
+        if key in written:
+            raise ParameterError(f"{option} {path}: is written by {written[key]} too")
+        written[key] = option
+
+
+def single(output: str, form: str, overwrite: bool = False, inputs: Iterable[str] = ()) -> Target:
+    """The target of a command with one output, which is made from ``inputs``.
 
     Raises
     ------
-    ParameterError : binary data would go to a terminal
+    ParameterError : binary data would go to a terminal, or the output is an input
     OutputError : it exists
     """
     from ..formats.atomic import refuse_existing
@@ -103,6 +138,7 @@ def single(output: str, form: str, overwrite: bool = False) -> Target:
         if form in BINARY and sys.stdout.isatty():
             raise ParameterError(f"{form} is binary and stdout a terminal: use -o FILE or a pipe")
         return Target(None, form)
+    refuse_collisions([("-o", output)], inputs)
     refuse_existing(Path(output), overwrite)
     return Target(Path(output), form, overwrite)
 
@@ -126,7 +162,7 @@ def scores_format(output: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Existing:
-    """What becomes of outputs that exist; with ``dry_run`` that is only said."""
+    """Policy for outputs that exist: an error, to overwrite, to skip; ``dry_run`` only reports."""
 
     overwrite: bool = False
     skip_existing: bool = False
@@ -144,7 +180,7 @@ class Existing:
         if not late:
             refuse_existing(path, overwrite)
         # What was not there before is what a worker made, if it was lost before it said so.
-        return Target(path, form, overwrite, self.skip_existing or not path.exists())
+        return Target(path, form, overwrite, self.skip_existing or not os.path.exists(path))
 
 
 def plan(
@@ -163,7 +199,7 @@ def plan(
     from ..formats import suffix_format
     from ..models.registry import load
 
-    if output != DASH and (output.endswith("/") or Path(output).is_dir()):
+    if output != DASH and (output.endswith("/") or os.path.isdir(output)):
         form = form or "h5"
         suffix = load("echoset.formats", form).SUFFIXES[0]
         twice = [name for name, count in Counter(names).items() if count > 1]

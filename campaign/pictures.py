@@ -1,4 +1,4 @@
-"""What pictures are made from: any number of inputs, sorted by what they hold."""
+"""The inputs of pictures, any number of them, sorted into recordings, estimates and scores."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 from ..formats import observed_digest
 from ..formats.provenance import versions
 from ..metrics import pooling
-from ..metrics.kit.table import concatenate
 from ..models import registry
 from ..models.errors import InputError
 from ..models.names import scenario
@@ -16,7 +15,6 @@ from ..models.records import Estimates, Recording, Scores
 from ..report import plots
 from ..report.plots import Inputs
 from . import inputs
-from .outputs import DASH
 
 PHONE = 9.3
 """Width [cm] of plots in a page: that of a phone, on which letters keep their size."""
@@ -33,7 +31,7 @@ def gather(sources: Iterable[str]) -> Inputs:
     estimates: list[tuple[str, Estimates]] = []
     scores: list[Scores] = []
     for source in sources:
-        record = inputs.read(source) if source == DASH else inputs.read_any(source)
+        record = inputs.read_any(source)
         if isinstance(record, Recording):
             recordings.append(record)
         elif isinstance(record, Estimates):
@@ -47,7 +45,7 @@ def gather(sources: Iterable[str]) -> Inputs:
     for label, e in estimates:
         if known and e.making.digest and e.making.digest not in known:
             raise InputError(f"{label}: was made from another recording: the digests differ")
-    table = concatenate(scores) if scores else None
+    table = Scores.join(scores) if scores else None
     return Inputs(
         tuple(recordings), tuple(e for _, e in estimates), table, pooled(table) if table else None
     )
@@ -55,8 +53,8 @@ def gather(sources: Iterable[str]) -> Inputs:
 
 def pooled(scores: Scores) -> Scores:
     """Scores of recordings, pooled by scenario; where there are none, all as they are."""
-    rows = [i for i, name in enumerate(scores.recording) if name != "*"]
-    return pooling.pool(scores.select(rows) if rows else scores, by_scenario=True)
+    single = scores.where(recording=lambda name: name != "*")
+    return pooling.pool(single if len(single) else scores, by_scenario=True)
 
 
 def portraits(found: Inputs) -> dict[str, str] | None:
@@ -83,7 +81,7 @@ def portraits(found: Inputs) -> dict[str, str] | None:
 
 def _of(scene: str, scores: Scores) -> Scores:
     """The scores of one scenario."""
-    return scores.select([i for i, name in enumerate(scores.recording) if scenario(name) == scene])
+    return scores.where(recording=lambda name: scenario(name) == scene)
 
 
 def describe(kind: str, found: Inputs) -> dict[str, Any]:

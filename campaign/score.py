@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import logging
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
 
 from .. import formats
 from ..formats import scores as files
@@ -14,11 +17,12 @@ from ..metrics import pooling
 from ..metrics import segments as spans
 from ..metrics.beside import TruthWindow, is_one_object
 from ..metrics.gate import Gate
-from ..metrics.kit.table import concatenate
-from ..metrics.run import GROUP, MetricRun
+from ..metrics.protocol import GROUP, load
+from ..metrics.run import MetricRun
 from ..models import registry
 from ..models.errors import InputError, ParameterError
-from ..models.parameters import Layer, as_dict, suggestion
+from ..models.names import scenario
+from ..models.parameters import Layer, suggestion
 from ..models.records import Estimates, Recording, Scores
 from . import exits, inputs, log, progress, truth
 from .batch.execution import Execution
@@ -49,24 +53,36 @@ class Task:
         return inputs.label(self.source)
 
     @property
-    def sources(self) -> tuple[str]:
-        """The estimates."""
-        return (self.source,)
+    def sources(self) -> tuple[str, ...]:
+        """The estimates, and the recordings or folders of them."""
+        return self.source, *self.truth
 
     def placed(self, execution: Execution) -> Task:
-        """The task for those who do it."""
+        """The task with the paths of the workers."""
         source, places = execution.place(self.source), execution.places(self.truth)
         return replace(self, source=source, truth=places)
 
     def decide(self) -> None:
         """It is always done."""
 
-    def run(self) -> Scores:
+    def run(self) -> FileScores:
         """The scores of the estimates."""
         return score(self)
 
 
-def score(task: Task) -> Scores:
+@dataclass(frozen=True, slots=True, eq=False)
+class FileScores:
+    """The scores of one file by metric, why others do not apply, and whether it has one object."""
+
+    label: str
+    recording: str
+    estimator: str
+    tables: Mapping[str, Scores]
+    refused: Mapping[str, str]
+    one_object: bool
+
+
+def score(task: Task) -> FileScores:
     """The scores of one file of estimates, which is read in windows.
 
     Raises
@@ -90,53 +106,91 @@ def score(task: Task) -> Scores:
         running = [
             MetricRun(name, user, estimates, recording) for name, user in task.metrics.items()
         ]
-        _measure(running, found, about, task)
+        one_object = _measure(running, found, about, task)
         whole = None
         for metric in running:
             if metric.error is None and not metric.by_steps:
                 whole = whole or _whole(source, place, task.label)
                 metric.score(*whole)
-    tables = [m.finish(task.required) for m in running]
-    refused = [m.error for m in running if m.error is not None]
-    for metric in running:
-        if metric.error is not None:
-            log.logger.info("%s: without %s: %s", task.label, metric.name, metric.error)
-    kept = [table for table in tables if table is not None]
-    if not kept:
-        raise refused[0]
-    used = {
-        m.name: as_dict(m.params) for m, t in zip(running, tables, strict=True) if t is not None
-    }
-    return replace(concatenate(kept), provenance={"metrics": used, "versions": versions()})
+    found_by = {m.name: m.finish(task.required) for m in running}
+    tables = {name: table for name, table in found_by.items() if table is not None}
+    refused = {m.name: m.error for m in running if m.error is not None}
+    for name, error in refused.items():
+        log.logger.info("%s: without %s: %s", task.label, name, error)
+    if not tables:
+        raise next(iter(refused.values()))
+    _tell_left_out(task.label, Scores.join(tables.values()))
+    reasons = {name: str(error) for name, error in refused.items()}
+    names = recording.meta.name, estimates.estimator
+    return FileScores(task.label, *names, tables, reasons, one_object)
+
+
+def decide(results: Sequence[FileScores], required: bool) -> list[Scores]:
+    """The scores of all files by the metrics that apply, the same ones within a scenario.
+
+    Unless they are ``required``, those for sets of objects are left out where there is one object
+    all the time in every file of a scenario, and any that does not apply to all files of an
+    estimator, since its pool would speak of some recordings only.
+    """
+    single = {scenario(r.recording) for r in results}
+    single -= {scenario(r.recording) for r in results if not r.one_object}
+    partial: dict[tuple[str, str], dict[str, str]] = {}
+    for r in results:
+        mine = partial.setdefault((scenario(r.recording), r.estimator), {})
+        mine |= {name: text for name, text in r.refused.items() if name not in mine}
+    told, kept = set(), []
+    for r in results:
+        key = scenario(r.recording), r.estimator
+        tables = []
+        for name, table in r.tables.items():
+            if required or not (name in partial[key] or (key[0] in single and load(name).FOR_SETS)):
+                tables.append(table)
+            elif name in partial[key] and (key, name) not in told:
+                told.add((key, name))
+                text = "%s: without %s, which does not apply to all files: %s"
+                log.logger.warning(text, " ".join(key), name, partial[key][name])
+        if tables:
+            used = {name: p for t in tables for name, p in t.provenance["metrics"].items()}
+            provenance = {"metrics": used, "versions": versions()}
+            kept.append(replace(Scores.join(tables), provenance=provenance))
+    if results and not kept:
+        name, text = next(iter(partial[key].items()))
+        raise InputError(f"no metric applies to all files of {' '.join(key)}; {name}: {text}")
+    return kept
 
 
 @dataclass(frozen=True, slots=True)
-class Table(Whole[Scores]):
+class Table(Whole[FileScores]):
     """All scores in one table, with segments and pooled rows, and whether it passes its gates.
 
-    ``config`` is the file that some of the parameters were read from.
+    ``config`` is the file that some of the parameters were read from; all metrics are to apply if
+    they are ``required``.
     """
 
     target: Target = field()
-    metrics: tuple[str, ...]
     segments: tuple[tuple[float, float], ...]
     pool: bool
     gates: tuple[Gate, ...]
     config: str | None
+    required: bool
+
+    @property
+    def inputs(self) -> tuple[str | None]:
+        """The file of parameters."""
+        return (self.config,)
 
     def sources(self, tasks: Sequence[Task]) -> list[str | None]:
         """Estimates, then the recordings that they were made from, then the parameters."""
         used = [place for t in tasks if (place := truth.located(t.source, t.truth))]
         return list(dict.fromkeys([*(t.source for t in tasks), *map(str, used), self.config]))
 
-    def finish(self, results: list[Scores]) -> int:
+    def finish(self, results: list[FileScores]) -> int:
         """Write it, and tell which gates it does not pass."""
-        quadratic = {q for name in self.metrics for q in registry.load(GROUP, name).QUADRATIC}
-        table = concatenate(results)
+        table = Scores.join(decide(results, self.required))
         if self.segments:
-            table = spans.segments(table, self.segments, quadratic)
+            table = spans.segments(table, self.segments)
         if self.pool:
-            table = concatenate([table, pooling.pool(table, quadratic)])
+            table = Scores.join([table, pooling.pool(table)])
         failures = [line for gate in self.gates for line in gate.failures(table)]
         with self.target.open() as opened:
             files.write(table, opened, self.target.format)
@@ -147,28 +201,37 @@ class Table(Whole[Scores]):
 
 def _measure(
     running: Sequence[MetricRun], found: formats.Windows, about: formats.Windows, task: Task
-) -> None:
-    """Have the metrics that go by steps measure all windows.
-
-    Where nobody asked for them, those for sets wait until there is more than one object.
-    """
-    gap = max((getattr(m.params, "max_gap", 0.0) for m in running), default=0.0)
-    beside = TruthWindow(about.head, iter(about), min(int(gap * 1e9) + 1, 1 << 60))
-    waiting: list[tuple[Estimates, Recording]] = []
-    single = not task.required
-    windows = progress.share(found, found, about) if task.show else found
-    for window in windows:
-        pair = window, beside.around(window.objects.time_ns)
-        single = single and is_one_object(*pair)
-        for metric in running:
-            if not (single and metric.for_sets):
-                for earlier in waiting if metric.for_sets else ():
-                    metric.measure(*earlier)
-                metric.measure(*pair)
-        waiting = [*waiting, pair] if single else []
-    beside.rest()
+) -> bool:
+    """Have the metrics that go by steps measure all windows; whether there is always one object."""
+    beside = TruthWindow(about.head, iter(about))
     for metric in running:
-        metric.dropped = single and metric.for_sets
+        metric.settle(beside.start)
+    gap = max((metric.gap for metric in running), default=0.0)
+    one_object = True
+    for window in progress.share(found, found, about) if task.show else found:
+        pair = window, beside.around(window.objects.time_ns, gap)
+        one_object = one_object and is_one_object(*pair)
+        for metric in running:
+            metric.measure(*pair)
+    beside.rest()
+    return one_object
+
+
+MANY = 0.05
+"""Share of the steps from which on those that are left out are told without being asked."""
+
+
+def _tell_left_out(label: str, scores: Scores) -> None:
+    """Say of how many steps the scores are, where the metric that has fewest leaves some out."""
+    left = scores.where(metric=lambda name: name.endswith("-left-out"))
+    if not len(left) or not left.value.any():
+        return
+    k = int(np.argmax(left.value / np.maximum(left.n, 1)))
+    steps, out = int(left.n[k]), int(left.value[k])
+    level = logging.WARNING if out > MANY * steps else logging.INFO
+    text = "%s: %s is of %d of %d steps: the others lack truth within max_gap, or an estimate"
+    name = left.metric[k].removesuffix("-left-out")
+    log.logger.log(level, text, label, name, steps - out, steps)
 
 
 def _whole(source: Path, place: Path | None, label: str) -> tuple[Estimates, Recording]:
@@ -181,13 +244,13 @@ def _whole(source: Path, place: Path | None, label: str) -> tuple[Estimates, Rec
 
 
 def layers(names: Iterable[str], user: Iterable[Layer]) -> Layers:
-    """The user's layers for each metric: what is said for all, then for it by ``<metric>.<name>``.
+    """The user's layers for each metric: those for all, then its own by ``<metric>.<name>``.
 
     Raises
     ------
     ParameterError : an unknown metric, or a parameter that none of the metrics has
     """
-    fields = {name: set(registry.load(GROUP, name).Params.__dataclass_fields__) for name in names}
+    fields = {name: set(load(name).Params.__dataclass_fields__) for name in names}
     found: dict[str, list[Layer]] = {name: [] for name in fields}
     metrics, parameters = set(registry.names(GROUP)), set[str]().union(*fields.values())
     for source, values in user:

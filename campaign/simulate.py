@@ -7,6 +7,7 @@ from typing import Any
 
 from ..formats import write
 from ..formats.provenance import versions
+from ..models.errors import ParameterError, is_out_of_range
 from ..models.parameters import as_dict
 from ..models.random import generator
 from ..models.registry import load
@@ -34,7 +35,7 @@ class Task:
         return (self.scenario.file,)
 
     def placed(self, execution: Execution) -> Task:
-        """The task for those who do it."""
+        """The task with the paths of the workers."""
         return replace(self, target=execution.target(self.target))
 
     def decide(self) -> resume.Decision:
@@ -46,7 +47,13 @@ class Task:
         module = load(GROUP, self.scenario.name)
         announce_compilation()
         rng = generator(self.seed, "simulate", self.label)
-        recording = module.simulate(self.parameters, rng, self.label)
+        try:
+            recording = module.simulate(self.parameters, rng, self.label)
+        except (ArithmeticError, ValueError) as error:
+            if not is_out_of_range(error):
+                raise
+            reason = f"its parameters lead to numbers that are out of range: {error}"
+            raise ParameterError(f"{self.label}: {reason}") from error
         provenance = {**recording.meta.provenance, **self._provenance()}
         meta = replace(recording.meta, provenance=provenance)
         with self.target.open() as target:

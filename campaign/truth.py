@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 from .. import formats
@@ -42,7 +44,7 @@ def _path(label: str, name: str, making: Making, places: Sequence[str]) -> Path:
 
 def _candidates(places: Iterable[str], names: tuple[str, ...]) -> Iterator[Path]:
     for place in map(Path, places):
-        if place.is_dir():
+        if os.path.isdir(place):
             files = (p for p in place.iterdir() if p.is_file() and not p.name.startswith("."))
             yield from sorted(files, key=lambda p: (not any(map(p.stem.startswith, names)), p.name))
         else:
@@ -51,6 +53,16 @@ def _candidates(places: Iterable[str], names: tuple[str, ...]) -> Iterator[Path]
 
 def _digest(path: Path, named: bool) -> str | None:
     """The digest of a recording; None for another file in a folder."""
+    try:
+        seen = path.stat()
+        return _of_header(path, named, seen.st_mtime_ns, seen.st_size, seen.st_ino)
+    except OSError:
+        return _of_header.__wrapped__(path, named, 0, 0, 0)
+
+
+@lru_cache(maxsize=1 << 16)
+def _of_header(path: Path, named: bool, *version: int) -> str | None:
+    """The same of a ``version`` of the file, read once however many estimates ask."""
     try:
         found = formats.header(path)
     except FormatError:

@@ -9,10 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .. import formats
+from ..formats import scores
 from ..models.errors import InputError
 from ..models.records import Recording, Stream
 from .batch.execution import Execution
-from .inputs import is_scores, read_scores
+from .inputs import is_scores, label, spooled
+from .names import printable
 from .outputs import say
 from .progress import share
 
@@ -47,23 +49,25 @@ class Task:
         ------
         InputError : it is damaged or breaks its contract; with ``strict`` also where it is doubtful
         """
-        if is_scores(self.label):
-            kind, oddities = "scores", [] if read_scores(self.label).provenance else [_UNKNOWN]
-        else:
-            kind, oddities = _read(self)
-            if self.strict and not oddities:
-                for where, reason in formats.oddities(Path(self.label)):
-                    raise InputError(f"{self.label}: {where}: {reason}")
+        with spooled(self.label) as path:
+            if is_scores(path, self.label):
+                found = scores.read(path, label(self.label)).provenance
+                kind, oddities = "scores", [] if found else [_UNKNOWN]
+            else:
+                kind, oddities = _read(self, path)
+                if self.strict and not oddities:
+                    for where, reason in formats.oddities(path):
+                        raise InputError(f"{self.label}: {where}: {reason}")
         if self.strict and oddities:
             raise InputError(f"{self.label}: {oddities[0]}")
-        say(f"{self.label}: ok, {kind}")
+        say(f"{printable(self.label)}: ok, {kind}")
 
 
-def _read(task: Task) -> tuple[str, list[str]]:
+def _read(task: Task, path: Path) -> tuple[str, list[str]]:
     """The kind of a record that is sound, and what the contract allows but is hardly meant."""
     kinds, oddities = [], list[str]()
     for recording in (False, True):
-        with closing(formats.open_windows(Path(task.label), recording=recording)) as windows:
+        with closing(formats.open_windows(path, label(task.label), recording)) as windows:
             scans: Counter[str] = Counter()
             for window in share(windows, windows) if task.show else windows:
                 for name, stream in getattr(window, "streams", {}).items():

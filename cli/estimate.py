@@ -35,7 +35,7 @@ from . import options
 @click.option("--keep", is_flag=True, help="Keep the mixture, particles or samples of every step.")
 @click.option(
     "--timing",
-    type=click.Path(),
+    type=options.PATH,
     metavar="FILE",
     help="Write the seconds of every step as scores, .csv, .json or .h5.",
 )

@@ -12,7 +12,7 @@ from . import options
 
 
 @click.command("info")
-@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path())
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=options.PATH)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a file and line.")
 @options.logging_options
 def command(files: tuple[str, ...], as_json: bool) -> None:

@@ -11,7 +11,7 @@ from importlib import import_module
 import click
 
 from .. import __version__
-from ..campaign import exits, log
+from ..campaign import exits, log, machine
 from ..models.parameters import suggestion
 from .options import logging_options
 
@@ -68,6 +68,7 @@ def commands() -> None:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run ``args`` (by default those of the process) and return the exit code."""
+    exits.open_standard_streams()
     log.configure()
     for name in _THREADS:
         os.environ.setdefault(name, "1")
@@ -91,8 +92,14 @@ def run(function: Callable[[], object]) -> int:
     """Call ``function``, tell its error in one line, and return the exit code."""
     try:
         with exits.signals():
-            function()
-            sys.stdout.flush()
+            try:
+                with machine.limited_memory(machine.default_memory()):
+                    function()
+                sys.stdout.flush()
+            except Exception:
+                exits.check_signals()
+                raise
+            exits.check_signals()
     except exits.Terminated as error:
         return int(str(error.code))
     except click.exceptions.Exit as error:
@@ -106,6 +113,7 @@ def run(function: Callable[[], object]) -> int:
     except exits.Ended as error:
         return error.exit_code
     except Exception as error:
-        log.error(exits.message(error), error)
-        return exits.exit_code(error)
+        known = exits.stdout_error(error) or machine.explained(error) or error
+        log.error(exits.message(known), error)
+        return exits.exit_code(known)
     return 0

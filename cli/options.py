@@ -13,9 +13,12 @@ from click.types import StringParamType
 from ..campaign import log
 from ..campaign.batch.execution import Execution
 from ..campaign.batch.lock import locked
+from ..campaign.machine import default_memory, parse_bytes
 from ..campaign.outputs import Existing
 
 F = TypeVar("F", bound=Callable[..., Any])
+PATH = click.Path(readable=False, allow_dash=True)
+"""A file, which is looked at when it is opened: then errors name it and have their exit code."""
 _VERBOSITY, _FORM = "echoset.verbosity", "echoset.form"
 
 
@@ -71,24 +74,25 @@ logging_options: Callable[[F], F] = _chain(
 
 
 def _execution(
-    jobs: int, cluster: str | None, keep_going: bool, summary: str | None, lock: str | None
+    jobs: int,
+    cluster: str | None,
+    keep_going: bool,
+    summary: str | None,
+    lock: str | None,
+    memory: str | None,
 ) -> Execution:
-    """What the options ask for; the lock is held until the command is over."""
+    """The options of a batch; the lock is held until the command is over."""
     if lock is not None:
         click.get_current_context().with_resource(locked(lock))
-    return Execution(jobs, cluster, keep_going, summary)
+    size = default_memory() if memory is None else parse_bytes(memory)
+    return Execution(jobs, cluster, keep_going, summary, lock, size)
 
 
 def output(text: str, default: str | None = None) -> Callable[[F], F]:
     """``-o``; required unless it has a default."""
+    given: dict[str, Any] = {"default": default, "show_default": True}
     return click.option(
-        "-o",
-        "--output",
-        required=default is None,
-        default=default,
-        show_default=default is not None,
-        type=click.Path(allow_dash=True),
-        help=text,
+        "-o", "--output", type=PATH, help=text, **({"required": True} if default is None else given)
     )
 
 
@@ -149,22 +153,30 @@ batch: Callable[[F], F] = _chain(
     ),
     click.option(
         "--summary",
-        type=click.Path(),
+        type=PATH,
         metavar="FILE",
         help="Write what was done and what failed why, as JSON.",
     ),
     click.option(
         "--lock",
-        type=click.Path(),
+        type=PATH,
         metavar="FILE",
         help="End with exit code 75 if another command holds the lock FILE.",
     ),
-    _gathered("execution", _execution, "jobs", "cluster", "keep_going", "summary", "lock"),
+    click.option(
+        "--memory",
+        metavar="SIZE",
+        help="Take no more memory than this, such as 4G, in all processes together.  [default: "
+        "four fifths of the machine's]",
+    ),
+    _gathered(
+        "execution", _execution, "jobs", "cluster", "keep_going", "summary", "lock", "memory"
+    ),
 )
 
 deps: Callable[[F], F] = click.option(
     "--deps",
-    type=click.Path(),
+    type=PATH,
     metavar="FILE",
     help="Write Makefile rules that say which inputs each output was made from.",
 )
@@ -173,7 +185,7 @@ deps: Callable[[F], F] = click.option(
 def inputs(name: str, metavar: str) -> Callable[[F], F]:
     """The files to work on; ``@FILE`` stands for those that FILE lists, ``@-`` for stdin's."""
     return click.argument(
-        name, nargs=-1, required=True, metavar=metavar, type=click.Path(), callback=_listed
+        name, nargs=-1, required=True, metavar=metavar, type=PATH, callback=_listed
     )
 
 
@@ -192,7 +204,7 @@ settings: Callable[[F], F] = click.option(
 )
 config: Callable[[F], F] = click.option(
     "--config",
-    type=click.Path(),
+    type=PATH,
     metavar="FILE",
     help="YAML file of parameters, as 'echoset describe' prints it.",
 )

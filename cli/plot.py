@@ -15,7 +15,7 @@ GROUP = "echoset.plots"
 
 @click.command("plot")
 @click.argument("kind", type=options.Name(GROUP))
-@click.argument("inputs", nargs=-1, required=True, metavar="INPUT...", type=click.Path())
+@click.argument("inputs", nargs=-1, required=True, metavar="INPUT...", type=options.PATH)
 @options.output("Picture, .png, .svg or .pdf.")
 @click.option("--size", metavar="WxH", help="Width and height in cm.  [default: the kind's own]")
 @click.option(
@@ -56,7 +56,7 @@ def command(
     suffix = PurePath(output).suffix
     if output == DASH or suffix not in plots.FORMATS:
         raise ParameterError(f"-o {output}: pictures are written as .png, .svg or .pdf")
-    target = single(output, plots.FORMATS[suffix], overwrite)
+    target = single(output, plots.FORMATS[suffix], overwrite, inputs)
     names = tuple(name.strip() for name in estimators.split(",")) if estimators else ()
     chosen = plots.Selection(*_span(span)) if span else plots.Selection()
     asked = _size(size) if size else None

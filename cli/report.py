@@ -13,7 +13,7 @@ _SUFFIXES = {".md": "md", ".csv": "csv", ".tex": "latex", ".html": "html", ".jso
 
 
 @click.command("report")
-@click.argument("scores", nargs=-1, required=True, metavar="SCORES...", type=click.Path())
+@click.argument("scores", nargs=-1, required=True, metavar="SCORES...", type=options.PATH)
 @click.option(
     "--format",
     "form",
@@ -45,13 +45,13 @@ def command(
     """
     from ..campaign.inputs import read_scores
     from ..campaign.pictures import pooled, portraits
-    from ..metrics.kit.table import concatenate
+    from ..models.records import Scores
     from ..report import gaps, page, render, tables
     from ..report.plots import Inputs
 
     form = form or _SUFFIXES.get(PurePath(output).suffix, "md")
-    target = single(output, form, overwrite)
-    table = concatenate([read_scores(source) for source in scores])
+    target = single(output, form, overwrite, scores)
+    table = Scores.join([read_scores(source) for source in scores])
     names = tuple(name.strip() for name in by.split(",")) if by else ()
     found = Inputs(scores=table, pooled=pooled(table))
     made = tables(table if "recording" in names else found.tables[1], names)

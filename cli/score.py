@@ -14,7 +14,7 @@ from . import options
 @click.option(
     "--truth",
     multiple=True,
-    type=click.Path(),
+    type=options.PATH,
     metavar="FILE|DIR",
     help="Recording of the estimates, or a folder where it is; any number of times.",
 )
@@ -73,7 +73,7 @@ def command(
     from ..campaign.score import Table, Task, layers
     from ..metrics import segments as spans
     from ..metrics.gate import Gate
-    from ..metrics.run import GROUP
+    from ..metrics.protocol import GROUP
     from ..models import registry
 
     target = single(output, scores_format(output), overwrite)
@@ -83,4 +83,4 @@ def command(
     chosen = layers(names, configuration.layers(config, settings))
     asked, alone = bool(metrics), len(estimates) == 1
     tasks = [Task(source, truth, chosen, asked, alone) for source in estimates]
-    run(tasks, execution, None, deps, Table(target, tuple(names), bounds, pool, limits, config))
+    run(tasks, execution, None, deps, Table(target, bounds, pool, limits, config, asked))

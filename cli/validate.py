@@ -8,7 +8,7 @@ from . import options
 
 
 @click.command("validate")
-@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path())
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=options.PATH)
 @click.option(
     "--strict", is_flag=True, help="Refuse also what is legal but hardly meant, or not as written."
 )

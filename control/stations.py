@@ -18,7 +18,7 @@ from ..estimators import mbm, phd
 from ..estimators.maps.detector import Chain
 from ..estimators.maps.kernels.fusion import Pixels
 from ..models.classifier import CLASSES
-from ..models.parameters import as_dict, resolve, sensor_model
+from ..models.parameters import as_dict, sensor_model
 from ..models.records import Array, Estimates, Meta, Objects, Recording, Scan
 
 FILTERS = {"phd": phd, "mbm": mbm}
@@ -56,7 +56,8 @@ class Condition:
         preset = module.PRESETS[self.preset] if self.preset != "default" else {}
         layers = preset, GATES[self.gate], {"stations": self.stations}, dict(self.changes)
         named_ = ((self.name, layer) for layer in layers)
-        return resolve(module.Params, *sensor_model(recording, module.Params), *named_)
+        stated = sensor_model(recording, module.Params)
+        return module.resolved(module.Params, recording, stated, tuple(named_))
 
 
 Soft = Mapping[int, Array]

@@ -7,7 +7,7 @@ region of each, as the filter has them after the scan before (section III-C).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,6 +46,7 @@ class Params(scene.Params):
         scene.Params.__post_init__(self)
         same = len(self.regions) == len(self.views)
         require(same, "regions", "as many as there are views", len(self.regions))
+        require(isinstance(self.filter, Mapping), "filter", "a mapping", self.filter)
 
     def names(self) -> list[str]:
         """Names of the regions: B1, B2, ..."""

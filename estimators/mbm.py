@@ -12,8 +12,10 @@ from .maps.detector import Chain
 from .maps.params import MAPS, MapParams
 from .points import mbm_filter, sensing
 from .points.mbm import Context, run
+from .points.streams import resolved
 from .presets import Presets
 
+__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "context", "estimate", "resolved", "run"]
 SUMMARY = "Multi-Bernoulli mixture filter of detections or range-angle maps, Poisson or not"
 STREAMS = (*sensing.STREAMS, MAPS)
 PRESETS = Presets("echoset.estimators.points", "mbm")

@@ -19,6 +19,10 @@ class Estimator(Protocol):
     ``Params`` : frozen dataclass of parameters (see :mod:`echoset.models.parameters`); those
     whose name stands in a stream's ``model`` take their value from there
 
+    One whose parameters differ from stream to stream has ``resolved(Params, setup, stated,
+    layers)``, which makes the parameters of a recording from what its streams state and what the
+    user says; others are resolved for all streams at once.
+
     One that measures what could be known at best declares ``USES_TRUTH``: its ``setup`` is the
     whole recording, truth and origins included.
     """

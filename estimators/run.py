@@ -12,7 +12,7 @@ from typing import Any
 from numpy.linalg import LinAlgError
 
 from ..models.checks import check_objects, check_steps
-from ..models.errors import EstimatorError, FormatError, InputError
+from ..models.errors import EstimatorError, FormatError, InputError, is_out_of_range
 from ..models.parameters import Layer, as_dict, resolve, sensor_model
 from ..models.random import generator
 from ..models.records import Estimates, Recording, Scan
@@ -26,7 +26,7 @@ TimedStep = tuple[Estimates, float]
 
 @dataclass(frozen=True, slots=True)
 class Estimation:
-    """What is asked for: an estimator by name, its layers of parameters, its seed.
+    """A request: an estimator by name, its layers of parameters, its seed.
 
     The layers come after the recording's own, which count if ``use_sensor_model``.
     """
@@ -38,7 +38,7 @@ class Estimation:
 
     @property
     def module(self) -> Any:
-        """What the entry point refers to."""
+        """The estimator's module."""
         return load(GROUP, self.estimator)
 
     @property
@@ -62,7 +62,11 @@ class Estimation:
             raise InputError(f"{label}: has {has}, but {self.estimator} needs a stream of {needs}")
         setup = replace(setup, streams=visible)
         stated = sensor_model(setup, module.Params) if self.use_sensor_model else ()
-        return EstimatorRun(self, setup, resolve(module.Params, *stated, *self.layers), label)
+        if hasattr(module, "resolved"):
+            params = module.resolved(module.Params, setup, stated, self.layers)
+        else:
+            params = resolve(module.Params, *stated, *self.layers)
+        return EstimatorRun(self, setup, params, label)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +101,9 @@ class EstimatorRun:
             start = now()
             try:
                 step = next(steps, None)
-            except (LinAlgError, FloatingPointError) as error:
+            except (ArithmeticError, ValueError) as error:
+                if not (isinstance(error, LinAlgError) or is_out_of_range(error)):
+                    raise
                 raise EstimatorError(f"{self.label}: step {number}: {error}") from error
             seconds = now() - start
             if step is None:
@@ -117,7 +123,7 @@ class EstimatorRun:
     def provenance(
         self, versions: Mapping[str, str], digest: str = "", content_digest: str = ""
     ) -> dict[str, Any]:
-        """What the estimates say of their making.
+        """The provenance of the estimates.
 
         ``digest`` is that of what can be seen of the recording, ``content_digest`` that of all of
         it, which counts where the estimator uses the truth.

@@ -8,6 +8,7 @@ is done with files follows from them here. One that knows whole records only has
 from __future__ import annotations
 
 import io
+import stat
 import sys
 from collections.abc import Iterator
 from contextlib import closing
@@ -129,6 +130,8 @@ def _identify(source: Target, path: object) -> tuple[Any, str]:
     """The format module of a file by its magic bytes, and its name."""
     with damage(path, ""):
         if isinstance(source, Path):
+            if stat.S_ISFIFO(source.stat().st_mode):
+                raise FormatError(path, "", "is a pipe: it can be read only once")
             with source.open("rb") as file:
                 head = file.read(8)
         elif source.seekable():

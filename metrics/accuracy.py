@@ -11,32 +11,27 @@ and ``false`` objects in a step.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ..models.errors import InputError
 from ..models.parameters import parameter
-from ..models.records import Estimates, Objects, Recording, Scores
+from ..models.records import Array, Estimates, Objects, Recording, Scores
 from .kit.assignment import assign
-from .kit.measured import Measured, Names, scorer
+from .kit.measured import Measured, Names
 from .kit.series import Distance, mean_stderr
 from .kit.sets import align
-from .kit.table import concatenate, rows
-
-SUMMARY = "share of rightly classified objects, and the confusion matrix"
-PARTS = ()
-STREAMS = ()
-FOR_SETS = True
-QUADRATIC = ()
-Array = np.ndarray[Any, Any]
+from .kit.table import rows
+from .protocol import Metric
 
 
 @dataclass(frozen=True, slots=True)
 class Params(Distance):
     """Which steps are scored, and how near an estimate is to the object that it stands for."""
 
-    cutoff: float = parameter(5.0, "m", "gate: no pair this far apart is assigned")
+    cutoff: float = parameter(
+        5.0, "m", "gate: no pair this far apart is assigned", within="(0, inf)"
+    )
 
 
 def measure(estimates: Estimates, recording: Recording, params: Params) -> Measured:
@@ -86,10 +81,7 @@ def summarise(names: Names, measured: Measured, params: Params) -> Scores:
         where = (*names, "accuracy-unassigned", part)
         spread = mean_stderr(left, params.block)
         tables.append(rows(where, np.nan, left.mean(), len(left), spread))
-    return concatenate(tables)
-
-
-score = scorer(measure, summarise)
+    return Scores.join(tables)
 
 
 def _index(objects: Objects, names: tuple[str, ...], who: str) -> Array:
@@ -98,3 +90,13 @@ def _index(objects: Objects, names: tuple[str, ...], who: str) -> Array:
         raise InputError(f"{who} have no classes" if who.endswith("s") else f"{who} has no classes")
     to = [names.index(name) if name in names else -1 for name in objects.class_names]
     return np.asarray(np.array([*to, -1])[objects.class_index])
+
+
+METRIC = Metric(
+    "share of rightly classified objects, and the confusion matrix",
+    Params,
+    measure,
+    summarise,
+    ROWS=("confusion",),
+    FOR_SETS=True,
+)

@@ -15,19 +15,14 @@ from ..models.errors import InputError
 from ..models.parameters import parameter, resolve, sensor_model
 from ..models.radar.multibeam import BaseStation, capacity
 from ..models.records import Estimates, Recording, Scores
-from .kit.measured import Measured, Names, scorer
+from .kit.measured import Measured, Names
 from .kit.table import rows
-
-SUMMARY = "downlink capacity of base stations, some of which also sense"
-PARTS = ()
-STREAMS = ()
-FOR_SETS = True
-QUADRATIC = ()
+from .protocol import Metric
 
 
 @dataclass(frozen=True, slots=True)
 class Params:
-    """What the users experience."""
+    """The links of the users."""
 
     snr: float = parameter(8.1, "dB", "signal-to-noise ratio of all users, choice")
 
@@ -55,4 +50,10 @@ def summarise(names: Names, measured: Measured, params: Params) -> Scores:
     return rows((*names, "capacity", ""), np.nan, value, used)
 
 
-score = scorer(measure, summarise)
+METRIC = Metric(
+    "downlink capacity of base stations, some of which also sense",
+    Params,
+    measure,
+    summarise,
+    FOR_SETS=True,
+)

@@ -8,31 +8,17 @@ latter less the former; where the estimator states a mean of its posterior, also
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
 from ..models.records import Estimates, Recording, Scores
-from .kit.measured import Measured, Names, scorer
+from .kit.measured import Measured, Names
 from .kit.series import Steps, mean_stderr, parts
 from .kit.sets import align
-from .kit.table import concatenate, rows
-
-SUMMARY = "number of objects, true and estimated, and its error"
-PARTS = ("true", "estimated", "error", "mean", "mean-error")
-STREAMS = ()
-FOR_SETS = True
-QUADRATIC = ()
-Array = np.ndarray[Any, Any]
+from .kit.table import rows
+from .protocol import Metric
 
 
-@dataclass(frozen=True, slots=True)
-class Params(Steps):
-    """Which steps are scored."""
-
-
-def measure(estimates: Estimates, recording: Recording, params: Params) -> Measured:
+def measure(estimates: Estimates, recording: Recording, params: Steps) -> Measured:
     """Numbers and errors per step."""
     aligned = align(estimates, recording, params)
     true, estimated = aligned.counts
@@ -43,7 +29,7 @@ def measure(estimates: Estimates, recording: Recording, params: Params) -> Measu
     return Measured(aligned.time, values, aligned.left_out)
 
 
-def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+def summarise(names: Names, measured: Measured, params: Steps) -> Scores:
     """Numbers per step and their means, errors, and the number of steps left out."""
     values = measured.values
     tables = [parts((*names, "cardinality"), measured, values, params.block)]
@@ -53,7 +39,14 @@ def summarise(names: Names, measured: Measured, params: Params) -> Scores:
             key = (*names, "cardinality-absolute", part)
             spread = mean_stderr(size, params.block)
             tables.append(rows(key, np.nan, size.mean(), len(size), spread))
-    return concatenate(tables)
+    return Scores.join(tables)
 
 
-score = scorer(measure, summarise)
+METRIC = Metric(
+    "number of objects, true and estimated, and its error",
+    Steps,
+    measure,
+    summarise,
+    PARTS=("true", "estimated", "error", "mean", "mean-error"),
+    FOR_SETS=True,
+)

@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from ..models.errors import ParameterError
 from ..models.parameters import suggestion
 from ..models.records import Scores
+from .kit.table import keys
+from .pooling import is_rms
+from .protocol import maker
 
 _RELATIONS = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 _GATE = re.compile(r"\s*([^\s:<>=]+)(?::([^<>\s]*))?\s*(>=|<=|>|<)\s*(\S+)\s*")
@@ -49,21 +52,27 @@ class Gate:
         ------
         ParameterError : there is no such score
         """
-        rows = [
-            i
-            for i, time in enumerate(scores.time.tolist())
-            if math.isnan(time)
-            and scores.metric[i] == self.metric
-            and self.part in (None, scores.part[i])
-        ]
-        if not rows:
-            known = {f"{m}:{p}" for m, p in zip(scores.metric, scores.part, strict=True)}
-            hint = suggestion(f"{self.metric}:{self.part or ''}", known)
-            raise ParameterError(f"--fail-if {self.text}: there is no such score{hint}")
-        pooled = [i for i in rows if scores.recording[i] == "*"]
+        rows = scores.where(metric=self.metric, part=self.part, timed=False)
+        if not len(rows):
+            raise ParameterError(f"--fail-if {self.text.strip()}: {self._missing(scores)}")
+        pooled = rows.where(recording="*")
+        told = pooled if len(pooled) else rows
         return [
-            f"{scores.recording[i]} {scores.estimator[i]} {scores.metric[i]}:{scores.part[i]} is "
-            f"{scores.value[i]:g} ({self.text.strip()})"
-            for i in pooled or rows
-            if _RELATIONS[self.relation](scores.value[i], self.limit)
+            f"{' '.join(name[:3])}:{name[3]} is {value:g} ({self.text.strip()})"
+            for name, value in zip(keys(told), told.value.tolist(), strict=True)
+            if _RELATIONS[self.relation](value, self.limit)
         ]
+
+    def _missing(self, scores: Scores) -> str:
+        """Why there is no such score, and how to get it."""
+        asked = self.metric.removesuffix("-mean")
+        made = set(scores.where(timed=False).metric)
+        if asked not in made and (name := maker(asked)) is not None:
+            return f"{self.metric} was not computed: ask for it by -m {name}"
+        if self.metric not in made and asked in made and is_rms(asked):
+            return f"{self.metric} is of pooled scores: ask for it by --pool"
+        if self.part and "@" in self.part and not any("@" in part for part in scores.part):
+            return "there are no scores of spans: ask for them by --segments"
+        known = {f"{m}:{p}" for m, p in zip(scores.metric, scores.part, strict=True)}
+        name = f"{self.metric}:{self.part or ''}"
+        return f"there is no such score{suggestion(name, known)}"

@@ -14,32 +14,20 @@ gives it: with p = 2 the squares of its parts add up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from ..models.records import Scores
+from ..models.records import Array, Scores
 from .kit.assignment import matched
-from .kit.measured import Measured, Names, of_sets, scorer
+from .kit.measured import Measured, Names, of_sets
 from .kit.series import Distance, mean_stderr, parts
-from .kit.sets import Sets
-from .kit.table import concatenate, rows
+from .kit.sets import AlignedSets
+from .kit.table import rows
+from .protocol import Metric
 
-SUMMARY = "GOSPA distance (alpha 2) between estimated and true positions, and its parts"
 PARTS = ("localisation", "missed", "false")
-STREAMS = ()
-FOR_SETS = True
-QUADRATIC = ("gospa-rms",)
-Array = np.ndarray[Any, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Params(Distance):
-    """Which steps are scored, with which order and cut-off."""
-
-
-def gospa(aligned: Sets, order: float, cutoff: float) -> dict[str, Array]:
+def gospa(aligned: AlignedSets, order: float, cutoff: float) -> dict[str, Array]:
     """GOSPA (n,) [m] at each step, called ``""``, and its parts by name."""
     power, pairs = matched(aligned.near(cutoff), order, cutoff, len(aligned))
     missed, false = (cutoff**order / 2 * (count - pairs) for count in aligned.counts)
@@ -47,15 +35,22 @@ def gospa(aligned: Sets, order: float, cutoff: float) -> dict[str, Array]:
     return {k: v ** (1 / order) for k, v in zip(("", *PARTS), powers, strict=True)}
 
 
-def summarise(names: Names, measured: Measured, params: Params) -> Scores:
+def summarise(names: Names, measured: Measured, params: Distance) -> Scores:
     """GOSPA [m] and its parts per step, their means and roots of mean squares."""
     tables = [parts((*names, "gospa"), measured, measured.values, params.block)]
     for part, v in measured.values.items():
         rms = np.sqrt(np.mean(v**2))
         spread = mean_stderr(v**2, params.block) / (2 * rms) if rms else np.nan
         tables.append(rows((*names, "gospa-rms", part), np.nan, rms, len(v), spread))
-    return concatenate(tables)
+    return Scores.join(tables)
 
 
-measure = of_sets(lambda aligned, params: gospa(aligned, params.order, params.cutoff))
-score = scorer(measure, summarise)
+METRIC = Metric(
+    "GOSPA distance (alpha 2) between estimated and true positions, and its parts",
+    Distance,
+    of_sets(lambda aligned, params: gospa(aligned, params.order, params.cutoff)),
+    summarise,
+    PARTS=PARTS,
+    FOR_SETS=True,
+    QUADRATIC=("gospa-rms",),
+)

@@ -15,31 +15,27 @@ import numpy as np
 from scipy.special import gammaincinv
 
 from ..models.errors import InputError
-from ..models.parameters import parameter, require
+from ..models.parameters import parameter
 from ..models.records import Array, Estimates, Recording, Scores
-from .kit.alignment import Pairs, Window
-from .kit.errors import axes, check_parts, chosen, deviation
-from .kit.measured import Measured, Names, of_pairs, scorer
-from .kit.table import concatenate, rows
+from .kit.alignment import AlignedTrack, ScoredObject
+from .kit.errors import axes, chosen, deviation
+from .kit.measured import Measured, Names, of_track
+from .kit.table import rows
+from .protocol import Metric
 
-SUMMARY = "normalised estimation error squared of the position, and how often it is in its bounds"
 PARTS = ("device", "centre")
-STREAMS = ()
-FOR_SETS = False
-QUADRATIC = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Params(Window):
-    """What is scored, and the probability of the bounds."""
+class Params(ScoredObject):
+    """The parts that are scored, and the probability of the bounds."""
 
-    parts: tuple[str, ...] = parameter((), "1", "device, centre; empty: all there are")
-    probability: float = parameter(0.95, "1", "probability of the two-sided bounds")
-
-    def __post_init__(self) -> None:
-        Window.__post_init__(self)
-        check_parts(self.parts, PARTS)
-        require(0 < self.probability < 1, "probability", "between 0 and 1", self.probability)
+    parts: tuple[str, ...] = parameter(
+        (), "1", "device, centre; empty: all there are", within=PARTS
+    )
+    probability: float = parameter(
+        0.95, "1", "probability of the two-sided bounds", within="(0, 1)"
+    )
 
 
 def bounds(n: int = 1, dx: int = 2, probability: float = 0.95) -> tuple[float, float]:
@@ -49,7 +45,7 @@ def bounds(n: int = 1, dx: int = 2, probability: float = 0.95) -> tuple[float, f
     return float(low), float(high)
 
 
-def nees(part: str, aligned: Pairs) -> Array:
+def nees(part: str, aligned: AlignedTrack) -> Array:
     """The normalised error squared of the position ``part`` at each step, (k,)."""
     objects = aligned.estimate
     if objects.covariance is None:
@@ -63,7 +59,7 @@ def nees(part: str, aligned: Pairs) -> Array:
         raise InputError(f"a covariance of the {part} is singular") from None
 
 
-def _values(aligned: Pairs, params: Params) -> dict[str, Array]:
+def _values(aligned: AlignedTrack, params: Params) -> dict[str, Array]:
     return {part: nees(part, aligned) for part in chosen(params.parts, PARTS, aligned)}
 
 
@@ -74,7 +70,7 @@ def measure(estimates: Estimates, recording: Recording, params: Params) -> Measu
     ------
     InputError : no truth, no or a singular covariance, or several objects
     """
-    found = of_pairs(_values)(estimates, recording, params)
+    found = of_track(_values)(estimates, recording, params)
     truth = [] if recording.truth is None else [recording.truth.objects]
     count = {p: np.array([len(axes(p, estimates.objects, *truth))]) for p in found.values}
     return replace(found, lists={**found.lists, **count})
@@ -91,7 +87,13 @@ def summarise(names: Names, measured: Measured, params: Params) -> Scores:
             rows((*names, "nees", part), np.nan, value.mean(), len(value)),
             rows((*names, "nees-inside", part), np.nan, inside, len(value)),
         ]
-    return concatenate(tables)
+    return Scores.join(tables)
 
 
-score = scorer(measure, summarise)
+METRIC = Metric(
+    "normalised estimation error squared of the position, and how often it is in its bounds",
+    Params,
+    measure,
+    summarise,
+    PARTS=PARTS,
+)

@@ -12,37 +12,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from ..models.parameters import parameter, require
-from ..models.records import Estimates, Recording, Scores
-from .kit.assignment import Near, assign
-from .kit.measured import Measured, Names, scorer
+from ..models.parameters import parameter
+from ..models.records import Array, Estimates, Recording, Scores
+from .kit.assignment import CandidatePairs, assign, ospa_parts
+from .kit.measured import Measured, Names
 from .kit.series import Distance, parts
 from .kit.sets import align
+from .protocol import Metric
 
-SUMMARY = "OSPA(2) distance between estimated and true tracks over a sliding window"
-PARTS = ("localisation", "cardinality")
-STREAMS = ()
-FOR_SETS = True
-QUADRATIC = ()
 _COUNTS = ("true", "estimated", "pairs")
 _BLOCK = 1024
 """Steps whose tracks are compared together."""
-Array = np.ndarray[Any, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Params(Distance):
     """Which steps are scored, with which order, cut-off and window."""
 
-    window: int = parameter(20, "1", "steps over which tracks are compared")
-
-    def __post_init__(self) -> None:
-        Distance.__post_init__(self)
-        require(self.window >= 1, "window", "at least 1", self.window)
+    window: int = parameter(20, "1", "steps over which tracks are compared", within="[1, inf)")
 
 
 def measure(estimates: Estimates, recording: Recording, params: Params) -> Measured:
@@ -74,9 +64,8 @@ def ospa2(measured: Measured, order: float, cutoff: float, window: int) -> dict[
         _block(measured.lists, offsets, range(k, min(k + _BLOCK, n)), order, cutoff, window)
         for k in range(0, n, _BLOCK)
     ]
-    localisation, cardinality = np.concatenate(found, axis=1)
-    powers = (localisation + cardinality, localisation, cardinality)
-    return {k: v ** (1 / order) for k, v in zip(("", *PARTS), powers, strict=True)}
+    power, pairs, true, estimated = np.concatenate(found, axis=1)
+    return ospa_parts(power, pairs, (true, estimated), order, cutoff)
 
 
 def _block(
@@ -87,7 +76,7 @@ def _block(
     cutoff: float,
     window: int,
 ) -> Array:
-    """Powers (2, len(steps)) of localisation and cardinality at ``steps``."""
+    """Sum of powers, number of pairs and numbers of tracks (4, len(steps)) at ``steps``."""
     first = max(0, steps.start - window + 1)
     rows = [o[first : steps.stop + 1] - o[first] for o in offsets]
     parts = [slice(o[first], o[steps.stop]) for o in offsets]
@@ -97,12 +86,11 @@ def _block(
     pairs, counts = _tracks(labels, ends, power, rows, cutoff**order, window)
     chosen = assign(pairs, cutoff**order - pairs.distance)
     step, count = pairs.step[chosen], counts.shape[1]
-    m, n = np.sort(counts, axis=0)
-    size = np.maximum(n, 1)
-    sums = np.bincount(step, pairs.distance[chosen], count)
-    unpaired = m - np.bincount(step, minlength=count)
-    powers = np.stack((sums + cutoff**order * unpaired, cutoff**order * (n - m))) / size
-    return np.asarray(powers[:, steps.start - first :])
+    sums, number = (
+        np.bincount(step, pairs.distance[chosen], count),
+        np.bincount(step, minlength=count),
+    )
+    return np.stack((sums, number, *counts))[:, steps.start - first :]
 
 
 def _tracks(
@@ -112,7 +100,7 @@ def _tracks(
     offsets: Sequence[Array],
     unpaired: float,
     window: int,
-) -> tuple[Near, Array]:
+) -> tuple[CandidatePairs, Array]:
     """Pairs of tracks nearer than the cut-off, with their p-th powers, and numbers (2, n).
 
     ``labels`` are the true and the estimated ones, ``ends`` those of near pairs with their
@@ -151,7 +139,7 @@ def _tracks(
         found.append(
             (np.full(len(p), k), k * number[0] + first[p], k * number[1] + second[p], mean)
         )
-    return Near(*map(np.concatenate, zip(*found, strict=True))), counts
+    return CandidatePairs(*map(np.concatenate, zip(*found, strict=True))), counts
 
 
 def summarise(names: Names, measured: Measured, params: Params) -> Scores:
@@ -160,4 +148,11 @@ def summarise(names: Names, measured: Measured, params: Params) -> Scores:
     return parts((*names, "ospa2"), measured, values, params.block)
 
 
-score = scorer(measure, summarise)
+METRIC = Metric(
+    "OSPA(2) distance between estimated and true tracks over a sliding window",
+    Params,
+    measure,
+    summarise,
+    PARTS=("localisation", "cardinality"),
+    FOR_SETS=True,
+)

@@ -12,33 +12,22 @@ roots of the mean squares of both terms over the pairs assigned, zero where ther
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..models.errors import InputError
-from ..models.records import Objects, Scores
-from .kit.assignment import Near, assign
-from .kit.measured import Measured, Names, of_sets, scorer
-from .kit.series import Distance, parts
-from .kit.sets import Sets
+from ..models.extent import from_axes, squared_wasserstein
+from ..models.records import Array, Objects
+from .kit.assignment import assign, ospa_parts
+from .kit.distance import distance
+from .kit.sets import AlignedSets
 
 SUMMARY = "OSPA distance of extended objects, with the Gaussian-Wasserstein distance, and its parts"
 PARTS = ("localisation", "cardinality", "centre", "extent")
-STREAMS = ()
-FOR_SETS = True
-QUADRATIC = ()
-Array = np.ndarray[Any, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Params(Distance):
-    """Which steps are scored, with which order and cut-off."""
-
-
-def covariance(objects: Objects) -> Array:
+def _covariances(objects: Objects) -> Array:
     """Covariances (m, d, d) [m2] with the semi-axes of ``objects`` as standard deviations.
 
     Raises
@@ -47,56 +36,28 @@ def covariance(objects: Objects) -> Array:
     """
     if objects.semi_axes is None or objects.rotation is None:
         raise InputError("truth or estimates have no extent")
-    axes, rotation = objects.semi_axes, objects.rotation
-    if rotation.ndim == 2:
-        R = Rotation.from_quat(rotation).as_matrix() if len(rotation) else np.zeros((0, 3, 3))
-    else:
-        c, s = np.cos(rotation), np.sin(rotation)
-        R = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-    return np.asarray(R * axes[:, None] ** 2 @ R.swapaxes(-1, -2))
+    return from_axes(objects.semi_axes, objects.rotation)
 
 
-def squared_wasserstein(A: Array, B: Array) -> Array:
-    """tr(A + B - 2 (A^1/2 B A^1/2)^1/2) (m,) [m2] of covariances (m, d, d)."""
-    w, U = np.linalg.eigh(A)
-    root = U * np.sqrt(w.clip(min=0))[:, None] @ U.swapaxes(-1, -2)
-    cross = np.sqrt(np.linalg.eigvalsh(root @ B @ root).clip(min=0)).sum(-1)
-    return np.asarray((np.trace(A + B, axis1=-2, axis2=-1) - 2 * cross).clip(min=0))
-
-
-def ospa_gw(aligned: Sets, order: float, cutoff: float) -> dict[str, Array]:
+def ospa_gw(aligned: AlignedSets, order: float, cutoff: float) -> dict[str, Array]:
     """The distance (n,) [m] at each step, called ``""``, and its parts by name."""
     pairs = aligned.near(cutoff)
-    truth, estimate = covariance(aligned.truth), covariance(aligned.estimate)
+    truth, estimate = _covariances(aligned.truth), _covariances(aligned.estimate)
     if truth.shape[1] != estimate.shape[1]:
         raise InputError("the extents of truth and estimates have different dimensions")
     extent2 = squared_wasserstein(truth[pairs.first], estimate[pairs.second])
     whole = np.sqrt(pairs.distance**2 + extent2)
-    centre2, near = pairs.distance**2, replace(pairs, distance=whole)
-    m, n = np.sort(aligned.counts, axis=0)
-    size = np.maximum(n, 1)
-    chosen = assign(near, cutoff**order - whole**order)
-    count = _per_step(near, chosen, np.ones(len(whole)), len(aligned))
-    power = _per_step(near, chosen, whole**order, len(aligned))
-    localisation = (power + cutoff**order * (m - count)) / size
-    cardinality = cutoff**order * (n - m) / size
-    powers = (localisation + cardinality, localisation, cardinality)
-    values = {k: v ** (1 / order) for k, v in zip(("", *PARTS), powers, strict=False)}
-    for part, square in (("centre", centre2), ("extent", extent2)):
-        mean = _per_step(near, chosen, square, len(aligned)) / np.maximum(count, 1)
-        values[part] = np.sqrt(mean)
+    chosen = assign(replace(pairs, distance=whole), cutoff**order - whole**order)
+
+    def per_step(value: Array) -> Array:
+        """Sums (n,) over the pairs that are assigned."""
+        return np.bincount(pairs.step[chosen], value[chosen], len(aligned))
+
+    count = per_step(np.ones(len(whole)))
+    values = ospa_parts(per_step(whole**order), count, aligned.counts, order, cutoff)
+    for part, square in (("centre", pairs.distance**2), ("extent", extent2)):
+        values[part] = np.sqrt(per_step(square) / np.maximum(count, 1))
     return values
 
 
-def _per_step(pairs: Near, chosen: Array, value: Array, steps: int) -> Array:
-    """Sums (steps,) over the pairs ``chosen`` at each step."""
-    return np.bincount(pairs.step[chosen], value[chosen], steps)
-
-
-def summarise(names: Names, measured: Measured, params: Params) -> Scores:
-    """The distance [m] and its parts per step, their means, and the number of steps left out."""
-    return parts((*names, "ospa-gw"), measured, measured.values, params.block)
-
-
-measure = of_sets(lambda aligned, params: ospa_gw(aligned, params.order, params.cutoff))
-score = scorer(measure, summarise)
+METRIC = distance("ospa-gw", SUMMARY, PARTS, ospa_gw)

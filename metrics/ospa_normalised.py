@@ -16,33 +16,30 @@ sets are 0 apart, an empty one is ``xi / 2^(1/p)`` from any other.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ..models.parameters import parameter
-from ..models.records import Scores
+from ..models.records import Array
 from .kit.assignment import assign
-from .kit.measured import Measured, Names, of_sets, scorer
-from .kit.series import Distance, parts
-from .kit.sets import Sets
+from .kit.distance import distance
+from .kit.series import Distance
+from .kit.sets import AlignedSets
 
 SUMMARY = "OSPA divided by the number of different objects, as in joint sensing papers"
 PARTS = ("localisation", "missed", "false")
-STREAMS = ()
-FOR_SETS = True
-QUADRATIC = ()
-Array = np.ndarray[Any, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Params(Distance):
     """Which steps are scored, with which order and gate."""
 
-    cutoff: float = parameter(5.0, "m", "gate xi: no pair this far apart is assigned")
+    cutoff: float = parameter(
+        5.0, "m", "gate xi: no pair this far apart is assigned", within="(0, inf)"
+    )
 
 
-def ospa_normalised(aligned: Sets, order: float, cutoff: float) -> dict[str, Array]:
+def ospa_normalised(aligned: AlignedSets, order: float, cutoff: float) -> dict[str, Array]:
     """The variant (n,) [m] at each step, called ``""``, and its parts by name."""
     pairs = aligned.near(cutoff)
     power, unpaired = pairs.distance**order, cutoff**order / 2
@@ -68,10 +65,4 @@ def ospa_normalised(aligned: Sets, order: float, cutoff: float) -> dict[str, Arr
     return {k: v ** (1 / order) for k, v in zip(("", *PARTS), shares, strict=True)}
 
 
-def summarise(names: Names, measured: Measured, params: Params) -> Scores:
-    """The distance [m] and its parts per step, their means, and the number of steps left out."""
-    return parts((*names, "ospa-normalised"), measured, measured.values, params.block)
-
-
-measure = of_sets(lambda aligned, params: ospa_normalised(aligned, params.order, params.cutoff))
-score = scorer(measure, summarise)
+METRIC = distance("ospa-normalised", SUMMARY, PARTS, ospa_normalised, Params)

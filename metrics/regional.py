@@ -16,19 +16,12 @@ import numpy as np
 
 from ..models.errors import InputError
 from ..models.parameters import parameter
-from ..models.records import Estimates, Recording, Scores
+from ..models.records import Array, Estimates, Recording, Scores
 from ..models.regions import contains, polygon, polygons, statistics
-from .kit.measured import Measured, Names, scorer
+from .kit.measured import Measured, Names
 from .kit.series import Steps, parts, series
 from .kit.sets import align
-from .kit.table import concatenate
-
-SUMMARY = "number of targets in regions: error of its mean, and its standard deviation"
-PARTS = ()
-STREAMS = ()
-FOR_SETS = False
-QUADRATIC = ()
-Array = np.ndarray[Any, Any]
+from .protocol import Metric
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,10 +68,7 @@ def summarise(names: Names, measured: Measured, params: Params) -> Scores:
         for kind, column in zip(("error", "std", "true"), values.T, strict=True):
             key = (*names, f"regional-{kind}", name)
             tables.append(series(key, measured.time, column, params.block))
-    return concatenate(tables)
-
-
-score = scorer(measure, summarise)
+    return Scores.join(tables)
 
 
 def _moments(
@@ -105,3 +95,11 @@ def _of_step(
     w, m, P, detection = mixture
     used = w > 0
     return statistics(w[used], m[used], P[used], detection[used], regions)
+
+
+METRIC = Metric(
+    "number of targets in regions: error of its mean, and its standard deviation",
+    Params,
+    measure,
+    summarise,
+)

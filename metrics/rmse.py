@@ -12,36 +12,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..models.parameters import parameter, require
+from ..models.parameters import parameter
 from ..models.records import Scores
-from .kit.alignment import Window
+from .kit.alignment import ScoredObject
 from .kit.bootstrap import block_stderr
-from .kit.errors import PARTS, check_parts, errors
-from .kit.measured import Measured, Names, of_pairs, scorer
-from .kit.table import concatenate, rows
-
-SUMMARY = "root mean square error of device, centre and extent, per step and over all"
-STREAMS = ()
-FOR_SETS = False
-QUADRATIC = ("rmse",)
-__all__ = ["FOR_SETS", "STREAMS", "PARTS", "QUADRATIC", "SUMMARY", "Params", "score"]
+from .kit.errors import PARTS, errors
+from .kit.measured import Measured, Names, of_track
+from .kit.table import rows
+from .protocol import Metric
 
 
 @dataclass(frozen=True, slots=True)
-class Params(Window):
-    """What is scored, and how its standard error is found."""
+class Params(ScoredObject):
+    """The parts that are scored, and the bootstrap of their standard errors."""
 
-    parts: tuple[str, ...] = parameter((), "1", "device, centre, extent; empty: all there are")
-    block: int = parameter(
-        20, "1", "steps in a bootstrap block, longer than errors last; 0: no stderr"
+    parts: tuple[str, ...] = parameter(
+        (), "1", "device, centre, extent; empty: all there are", within=PARTS
     )
-    resamples: int = parameter(1000, "1", "resamples of the bootstrap")
-
-    def __post_init__(self) -> None:
-        Window.__post_init__(self)
-        check_parts(self.parts, PARTS)
-        require(self.block >= 0, "block", "at least 0", self.block)
-        require(self.resamples >= 2, "resamples", "at least 2", self.resamples)
+    block: int = parameter(
+        20,
+        "1",
+        "steps in a bootstrap block, longer than errors last; 0: no stderr",
+        within="[0, inf)",
+    )
+    resamples: int = parameter(1000, "1", "resamples of the bootstrap", within="[2, inf)")
 
 
 def summarise(names: Names, measured: Measured, params: Params) -> Scores:
@@ -56,8 +50,14 @@ def summarise(names: Names, measured: Measured, params: Params) -> Scores:
         ]
     steps = len(measured) + measured.left_out
     tables.append(rows((*names, "rmse-left-out", ""), np.nan, measured.left_out, steps))
-    return concatenate(tables)
+    return Scores.join(tables)
 
 
-measure = of_pairs(lambda aligned, params: errors(params.parts, PARTS, aligned))
-score = scorer(measure, summarise)
+METRIC = Metric(
+    "root mean square error of device, centre and extent, per step and over all",
+    Params,
+    of_track(lambda aligned, params: errors(params.parts, PARTS, aligned)),
+    summarise,
+    PARTS=PARTS,
+    QUADRATIC=("rmse",),
+)

@@ -6,30 +6,28 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
-from ..models import registry
 from ..models.errors import InputError
-from ..models.parameters import Layer, resolve, sensor_model
-from ..models.records import Estimates, Recording, Scores
+from ..models.parameters import Layer, as_dict, resolve, sensor_model
+from ..models.records import Estimates, Objects, Recording, Scores
+from .kit.alignment import Scored, settle
 from .kit.measured import Measured, finish
-
-GROUP = "echoset.metrics"
+from .protocol import load
 
 
 class MetricRun:
-    """A metric with its parameters, what it measured so far, and why it does not apply, if so.
-
-    It is ``dropped`` where it turns out not to have been meant.
-    """
+    """A metric with its parameters, what it measured so far, and why it does not apply, if so."""
 
     def __init__(
         self, name: str, user: Iterable[Layer], estimates: Estimates, recording: Recording
     ) -> None:
-        self.name, self.dropped = name, False
+        """The metric ``name`` with its parameters; it does not apply without a stream it needs."""
+        self.name = name
         self.error: InputError | None = None
-        self._metric = registry.load(GROUP, name)
+        self._metric = load(name)
         self.params: Any = resolve(
             self._metric.Params, *sensor_model(recording, self._metric.Params), *user
         )
+        self._settled = self.params
         self._names = recording.meta.name, estimates.estimator
         self._measured: list[Measured] = []
         self._steps = 0
@@ -40,20 +38,25 @@ class MetricRun:
             self.error = InputError(f"{recording.meta.name}: {reason}")
 
     @property
-    def for_sets(self) -> bool:
-        """Whether it scores sets of objects."""
-        return bool(self._metric.FOR_SETS)
-
-    @property
     def by_steps(self) -> bool:
         """Whether it takes windows of steps."""
-        return hasattr(self._metric, "measure")
+        return self._metric.measure is not None
+
+    @property
+    def gap(self) -> float:
+        """The longest gap [s] of the truth that is interpolated, once it is settled."""
+        return float(getattr(self._settled, "max_gap", None) or 0.0)
+
+    def settle(self, start: Objects | None) -> None:
+        """Settle all parameters that follow from the ``start`` of the truth."""
+        if start is not None and isinstance(self.params, Scored):
+            self._settled = settle(self.params, start)
 
     def measure(self, estimates: Estimates, recording: Recording) -> None:
         """Take the next window of steps, unless the metric is out or takes none."""
-        if self.error is not None or not self.by_steps:
+        if self.error is not None or self._metric.measure is None:
             return
-        params = self.params
+        params = self._settled
         if getattr(params, "skip", 0):
             params = replace(params, skip=max(0, params.skip - self._steps))
         try:
@@ -64,25 +67,41 @@ class MetricRun:
 
     def score(self, estimates: Estimates, recording: Recording) -> None:
         """Take everything at once."""
-        try:
-            self._table = self._metric.score(estimates, recording, self.params)
-        except InputError as error:
-            self.error = error
+        if self.error is None:
+            try:
+                self._table = self._metric.score(estimates, recording, self.params)
+            except InputError as error:
+                self.error = error
 
     def finish(self, required: bool) -> Scores | None:
-        """The scores; None where the metric does not apply.
+        """The scores, with the parameters as provenance; None where the metric does not apply.
 
         Raises
         ------
         InputError : it does not apply, but is ``required``
         """
-        if self.dropped:
-            return None
-        if self.error is None and self.by_steps:
+        table, summarise = self._table, self._metric.summarise
+        if self.error is None and table is None and summarise is not None:
             try:
-                return finish(self._metric.summarise, self._names, self._measured, self.params)
+                table = finish(summarise, self._names, self._measured, self.params)
             except InputError as error:
                 self.error = error
         if self.error is not None and required:
             raise self.error
-        return self._table
+        used = {"metrics": {self.name: as_dict(self.params)}}
+        return None if table is None else replace(table, provenance=used)
+
+
+def score(name: str, user: Iterable[Layer], estimates: Estimates, recording: Recording) -> Scores:
+    """The scores of a metric, its parameters from the layers of the recording and of the ``user``.
+
+    Raises
+    ------
+    ParameterError : an unknown metric or parameter, or an impossible value
+    InputError : there is no truth, or it or the estimates lack what the metric needs
+    """
+    run = MetricRun(name, user, estimates, recording)
+    run.score(estimates, recording)
+    found = run.finish(required=True)
+    assert found is not None
+    return found

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from ..models.errors import ParameterError
 from ..models.records import Scores
-from .kit.table import concatenate, groups, keys, rows
-from .pooling import QUADRATIC
+from .kit.table import groups, rows
+from .pooling import is_rms
 
 
 def parse(text: str) -> tuple[tuple[float, float], ...]:
@@ -30,23 +30,22 @@ def parse(text: str) -> tuple[tuple[float, float], ...]:
     return segments
 
 
-def segments(
-    scores: Scores,
-    bounds: Sequence[tuple[float, float]],
-    quadratic: Collection[str] = QUADRATIC,
-) -> Scores:
+def segments(scores: Scores, bounds: Sequence[tuple[float, float]]) -> Scores:
     """``scores`` and, from their rows per time, an aggregate for each segment of ``bounds`` [s].
 
     Both ends are included. The aggregate is the root of the mean square over the steps for
-    quadratic metrics, otherwise the mean; ``n`` is the number of steps. It pools like any other.
+    metrics that are such, otherwise the mean; ``n`` is the number of steps. It pools like any
+    other.
     """
     tables = [scores]
-    for key, indices in groups(keys(scores)).items():
+    names = scores.recording, scores.estimator, scores.metric, scores.part
+    for key, indices in groups(*names).items():
         time, value = scores.time[indices], scores.value[indices]
         for start, stop in bounds:
             v = value[(start <= time) & (time <= stop)]
             if len(v):
-                mean = np.sqrt(np.mean(v**2)) if key[2] in quadratic else np.mean(v)
-                part = f"{key[3]}@{start:g}:{stop:g}"
-                tables.append(rows((*key[:3], part), np.nan, mean, len(v)))
-    return concatenate(tables)
+                mean = np.sqrt(np.mean(v**2)) if is_rms(key[2]) else np.mean(v)
+                recording, estimator, metric, part = key
+                name = recording, estimator, metric, f"{part}@{start:g}:{stop:g}"
+                tables.append(rows(name, np.nan, mean, len(v)))
+    return Scores.join(tables)

@@ -23,29 +23,22 @@ a mean of is left out.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ..models.parameters import parameter
-from ..models.records import Estimates, Recording, Scores
+from ..models.records import Array, Estimates, Recording, Scores
 from .kit.assignment import assign
-from .kit.measured import Measured, Names, scorer
+from .kit.measured import Measured, Names
 from .kit.series import Pairing
 from .kit.sets import align
-from .kit.table import concatenate, rows
-
-SUMMARY = "completeness, ambiguity, false objects and label changes, after SIAP"
-PARTS = ("object-<label>",)
-STREAMS = ()
-FOR_SETS = True
-QUADRATIC = ()
-Array = np.ndarray[Any, Any]
+from .kit.table import rows
+from .protocol import Metric
 
 
 @dataclass(frozen=True, slots=True)
 class Params(Pairing):
-    """Which steps are scored, with which order and cut-off, and what is told of single objects."""
+    """Which steps are scored, with which order and cut-off, and whether object by object."""
 
     by_object: bool = parameter(False, "1", "also completeness and coverage of each true object")
 
@@ -113,11 +106,27 @@ def _changes(label: Array, tracker: Array) -> int:
 
 def summarise(names: Names, measured: Measured, params: Params) -> Scores:
     """The numbers of :func:`siap` as means over the recording."""
-    return concatenate(
+    return Scores.join(
         rows((*names, metric, part), np.nan, total / n, n)
         for (metric, part), (total, n) in siap(measured).items()
         if n and (params.by_object or not part)
     )
 
 
-score = scorer(measure, summarise)
+METRIC = Metric(
+    "completeness, ambiguity, false objects and label changes, after SIAP",
+    Params,
+    measure,
+    summarise,
+    ROWS=(
+        "completeness",
+        "coverage",
+        "ambiguity",
+        "spurious",
+        "false-objects",
+        "position-error",
+        "label-changes",
+    ),
+    PARTS=("object-<label>",),
+    FOR_SETS=True,
+)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-_LONGEST = 500
+import re
+
+_LONGEST, _END = 500, 100
 
 
 class EchosetError(Exception):
@@ -13,7 +15,7 @@ class EchosetError(Exception):
     def __str__(self) -> str:
         """The message on one line of bearable length, whatever it quotes."""
         text = " ".join(super().__str__().split())
-        return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+        return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}...{text[-_END:]}"
 
 
 class ParameterError(EchosetError):
@@ -62,3 +64,16 @@ class UnavailableError(EchosetError):
     """A lock is held, or a cluster cannot be reached: the command may be tried again later."""
 
     exit_code = 75
+
+
+_OUT_OF_RANGE = re.compile(
+    "too large|cannot convert (float|complex)|infs or NaNs|negative dimensions|scale < 0|Singular"
+    "|not positive definite|did not converge|low >= high|range exceeds valid bounds"
+)
+
+
+def is_out_of_range(error: Exception) -> bool:
+    """Whether ``error`` is what Python and its libraries make of numbers that they cannot take."""
+    return isinstance(error, ArithmeticError) or (
+        isinstance(error, ValueError) and bool(_OUT_OF_RANGE.search(str(error)))
+    )

@@ -22,6 +22,16 @@ def constant_velocity(dt: float) -> tuple[Array, Array]:
     return F, G
 
 
+def white_acceleration(dt: float) -> Array:
+    """Covariance (4, 4) that white acceleration of density 1 m^2 s^-3 adds in ``dt`` [s].
+
+    Acceleration is white in continuous time, so that two steps add what one of their length adds.
+    Bar-Shalom, Li and Kirubarajan, section 6.2.2.
+    """
+    I = np.eye(2)
+    return np.block([[dt**3 / 3 * I, dt**2 / 2 * I], [dt**2 / 2 * I, dt * I]])
+
+
 STEP = 0.1
 """Time [s] to which the standard deviations of a device's motion and random walks refer."""
 

@@ -26,6 +26,10 @@ Layer = tuple[str, Mapping[str, Any]]
 """Values of parameters and where they come from."""
 
 
+_LARGEST = 1 << 53
+"""Whole numbers are below: to it each has a float of its own."""
+
+
 class _Required:
     """Marks a parameter without a default: it comes from the recording or from the user."""
 
@@ -168,14 +172,13 @@ def _coerce(value: Any, kind: Any, where: str) -> Any:
     if kind is str and isinstance(value, str):
         return value
     if kind is int and not isinstance(value, bool):
-        if isinstance(value, int):
-            return value
-        if isinstance(value, float) and value.is_integer():
+        whole = isinstance(value, int) or (isinstance(value, float) and value.is_integer())
+        if whole and abs(value) < _LARGEST:
             return int(value)
     if kind is float and not isinstance(value, bool):
         try:
             number = float(value)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             number = math.nan
         if math.isfinite(number):
             return number

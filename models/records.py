@@ -8,7 +8,7 @@ nanoseconds after ``Meta.epoch``. Ragged data are columns plus ``row_offset``: t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from heapq import merge
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from .columns import COLUMNS
-from .words import Words, words
+from .runs import Runs
 
 Array = np.ndarray[Any, Any]
 Model = Mapping[str, Any]
@@ -175,17 +175,33 @@ class Objects:
 
     def part(self, start: int, stop: int) -> Objects:
         """The objects of the times ``start:stop`` as a record of their own."""
-        rows = slice(self.row_offset[start], self.row_offset[stop])
-        columns: dict[str, Any] = {
-            name: None if getattr(self, name) is None else getattr(self, name)[rows]
-            for name in PER_OBJECT
-        }
-        return replace(
-            self,
-            time_ns=self.time_ns[start:stop],
-            row_offset=self.row_offset[start : stop + 1] - self.row_offset[start],
-            **columns,
-        )
+        first, last = self.row_offset[start], self.row_offset[stop]
+        found = self._rows(slice(first, last))
+        offset = self.row_offset[start : stop + 1] - first
+        return replace(found, time_ns=self.time_ns[start:stop], row_offset=offset)
+
+    def take(self, rows: Array, time_ns: Array, count: Array | None = None) -> Objects:
+        """The ``rows`` (k,) as the objects at ``time_ns`` (n,), ``count`` (n,) at each, or one."""
+        counts = np.ones(len(rows), np.int64) if count is None else count
+        offset = np.concatenate(([0], np.cumsum(counts)))
+        return replace(self._rows(rows), time_ns=time_ns, row_offset=offset)
+
+    def at(self, steps: Array) -> Objects:
+        """The objects of the ``steps`` (k,), in that order."""
+        rows, count = self.rows_of(steps)
+        return self.take(rows, self.time_ns[steps], count)
+
+    def rows_of(self, steps: Array) -> tuple[Array, Array]:
+        """The rows of the ``steps`` (k,), one after the other, and how many each has (k,)."""
+        count = np.diff(self.row_offset)[steps]
+        first = self.row_offset[:-1][steps] - np.cumsum(count) + count
+        return np.arange(count.sum()) + np.repeat(first, count), count
+
+    def _rows(self, rows: Any) -> Objects:
+        """Every column at ``rows``, with times and offsets as they are."""
+        columns = {name: getattr(self, name) for name in PER_OBJECT}
+        taken: dict[str, Any] = {k: None if c is None else c[rows] for k, c in columns.items()}
+        return replace(self, **taken)
 
     @staticmethod
     def join(parts: Sequence[Objects]) -> Objects:
@@ -297,6 +313,12 @@ class Estimates:
         return self.making.estimator
 
 
+_NAMES = ("recording", "estimator", "metric", "part")
+_NUMBERS = {"time": float, "value": float, "n": np.int64, "stderr": float}
+Which = str | Callable[[str], bool] | None
+"""A text, a test of texts, or any."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scores:
     """A long table of scores, one row a number.
@@ -319,14 +341,45 @@ class Scores:
     def __len__(self) -> int:
         return len(self.recording)
 
-    def select(self, indices: Sequence[int]) -> Scores:
-        """The rows at ``indices``."""
-        rows = np.asarray(indices, int)
+    def take(self, rows: Array) -> Scores:
+        """The ``rows`` (k,)."""
+        columns: dict[str, Any] = {c: Runs.of(getattr(self, c)).take(rows) for c in _NAMES}
+        columns |= {c: getattr(self, c)[rows] for c in _NUMBERS}
+        return replace(self, **columns)
 
-        def text(column: Sequence[str]) -> Words:
-            return words(column[i] for i in rows)
+    def where(
+        self,
+        recording: Which = None,
+        estimator: Which = None,
+        metric: Which = None,
+        part: Which = None,
+        timed: bool | None = None,
+    ) -> Scores:
+        """The rows with these names, or that pass; if ``timed`` those per time, else aggregates."""
+        found = np.ones(len(self), bool) if timed is None else np.isnan(self.time) != timed
+        asked = (recording, estimator, metric, part)
+        for column, which in zip(_NAMES, asked, strict=True):
+            if which is not None:
+                test = which if callable(which) else which.__eq__
+                found &= Runs.of(getattr(self, column)).where(test)
+        return self.take(np.flatnonzero(found))
 
-        names = (self.recording, self.estimator, self.metric, self.part)
-        recording, estimator, metric, part = map(text, names)
-        time, value, n, stderr = (c[rows] for c in (self.time, self.value, self.n, self.stderr))
-        return Scores(recording, estimator, metric, part, time, value, n, stderr, self.provenance)
+    @staticmethod
+    def join(tables: Iterable[Scores]) -> Scores:
+        """The rows of all ``tables`` in order.
+
+        The provenance is theirs if it is one, otherwise the list of all different ones, ``inputs``.
+        """
+        parts = list(tables)
+        if len(parts) == 1:
+            return parts[0]
+        columns: dict[str, Any] = {c: Runs.join(getattr(p, c) for p in parts) for c in _NAMES}
+        for c, kind in _NUMBERS.items():
+            numbers = [np.zeros(0, kind), *(getattr(p, c) for p in parts)]
+            columns[c] = np.concatenate(numbers)
+        known: list[dict[str, Any]] = []
+        for p in parts:
+            if p.provenance and dict(p.provenance) not in known:
+                known.append(dict(p.provenance))
+        columns["provenance"] = known[0] if len(known) == 1 else {"inputs": known} if known else {}
+        return Scores(**columns)

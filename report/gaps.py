@@ -1,4 +1,4 @@
-"""What scores lack: recordings that were not scored, and steps that were left out."""
+"""Gaps in scores: recordings that were not scored, and steps that were left out."""
 
 from __future__ import annotations
 

@@ -26,16 +26,21 @@ def tables(scores: Scores, by: Sequence[str] = ()) -> list[Table]:
     ParameterError : an unknown dimension
     InputError : several recordings fall into one cell: they are to be pooled first
     """
-    rows = records(scores)
     if by:
-        return [pivot(rows, by)]
+        return [pivot(records(scores.where(timed="time" in by)), by)]
+    rows = records(scores.where(timed=False))
+    timed = Scores.join(
+        scores.where(metric=metric, estimator=estimator, timed=True)
+        for metric, estimator in (("rmse", bool), (None, ""))
+    )
+    series_of = records(timed) if (timed.n > 1).any() else []
     made: list[Table] = []
     for part in PARTS:
         mine = [r for r in rows if r.part.partition("@")[0] == part]
+        series = [r for r in series_of if (r.metric, r.part) == ("rmse", part)]
         errors = [r for r in mine if r.metric in ("rmse", "rmse-mean")]
         if errors:
             made.append(_averages(part, errors, rows))
-        series = [r for r in errors if r.metric == "rmse" and not np.isnan(r.time)]
         if any(r.n > 1 for r in series):
             made.append(pivot(series, ("time",), f"RMSE of the {part} over time [m]"))
         steps = [r for r in rows if r.metric == "cdf" and r.part.startswith(f"{part}<=")]

@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from .table import Cell, Table, plain
+from .table import Cell, Table, plain, printable, visible
 
 Plots = Mapping[str, str]
 """Titles and ``<svg>`` elements."""
@@ -55,11 +55,12 @@ def page(
     gaps: Table | None = None,
 ) -> str:
     """The page; without ``plots`` a line says how to get them, without ``gaps`` nothing of them."""
+    tables = [printable(t) for t in tables]
     sections = {
         "Tables": "".join(_table(t) for t in tables if not _timed(t)),
         "Plots": _plots(plots),
         "Over time": "".join(_table(t) for t in tables if _timed(t)),
-        "Failures and gaps": "" if gaps is None else _gaps(gaps),
+        "Failures and gaps": "" if gaps is None else _gaps(printable(gaps)),
         "Parameters": "".join(map(_table, _parameters(provenance))),
         "Provenance": _provenance(provenance),
     }
@@ -87,6 +88,7 @@ def _anchor(title: str) -> str:
 
 
 def _table(table: Table) -> str:
+    """A table in its frame: columns of text to the left, long texts wrapped."""
     kind = ["t" if isinstance(c, str) else "" for c in first(table)]
 
     def line(cells: Sequence[str], tag: str) -> str:
@@ -118,7 +120,7 @@ def _plots(plots: Plots | None) -> str:
     if not plots:
         return "<p>Nothing among the scores that a plot shows.</p>\n"
     figures = (
-        f"<figure>\n<figcaption>{html.escape(title)}</figcaption>\n{svg}\n</figure>\n"
+        f"<figure>\n<figcaption>{html.escape(visible(title))}</figcaption>\n{svg}\n</figure>\n"
         for title, svg in plots.items()
     )
     return f'<div class="plots">\n{"".join(figures)}</div>\n'
@@ -150,7 +152,7 @@ def _parameters(provenance: Mapping[str, Any]) -> Iterator[Table]:
         values = (
             ("value",) if len(known) == 1 else tuple(f"value {i + 1}" for i in range(len(known)))
         )
-        yield Table(metric, ("parameter", *values), rows)
+        yield printable(Table(metric, ("parameter", *values), rows))
 
 
 def _provenance(provenance: Mapping[str, Any]) -> str:

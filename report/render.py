@@ -13,7 +13,7 @@ from typing import Any
 from ..models.errors import ParameterError
 from ..models.parameters import suggestion
 from .page import first, page
-from .table import Cell, Number, Table, plain
+from .table import Cell, Number, Table, plain, printable
 
 Provenance = Mapping[str, Any]
 
@@ -21,7 +21,9 @@ Provenance = Mapping[str, Any]
 def render(tables: Sequence[Table], format: str, provenance: Provenance | None = None) -> str:
     """``tables`` as the text of a file in one of :data:`FORMATS`, with its provenance.
 
-    CSV and JSON hold all digits; the others what the standard error leaves.
+    CSV and JSON hold all digits, the others as many as the standard error leaves. All but JSON
+    show control characters as escapes; CSV has an apostrophe before a text that a spreadsheet
+    would take for a formula.
 
     Raises
     ------
@@ -29,7 +31,8 @@ def render(tables: Sequence[Table], format: str, provenance: Provenance | None =
     """
     if format not in FORMATS:
         raise ParameterError(f"unknown format {format!r}{suggestion(format, FORMATS)}")
-    return FORMATS[format](tables, provenance or {})
+    shown = tables if format == "json" else [printable(t) for t in tables]
+    return FORMATS[format](shown, provenance or {})
 
 
 def _json_line(provenance: Provenance) -> str:
@@ -48,6 +51,8 @@ _MARKUP = re.compile(r"([\\|*_<>`]|\](?=[(\[:]))")
 
 
 def _markdown(tables: Sequence[Table], provenance: Provenance) -> str:
+    """Tables under their titles, markup in cells escaped, the provenance in a comment behind."""
+
     def line(cells: Sequence[str]) -> str:
         escaped = (_MARKUP.sub(r"\\\1", c).replace("\n", " ") for c in cells)
         return f"| {' | '.join(escaped)} |\n"
@@ -72,10 +77,15 @@ def _csv(tables: Sequence[Table], provenance: Provenance) -> str:
         text.write("\n" * (i > 0) + (f"# {t.title}\n" if t.title else ""))
         columns = list(zip(*t.rows, strict=True)) if t.rows else [()] * len(t.columns)
         expanded = [_expand(n, c) for n, c in zip(t.columns, columns, strict=True)]
-        writer.writerow([name for column in expanded for name in column])
-        values = [v for column in expanded for v in column.values()]
+        writer.writerow([_harmless(name) for column in expanded for name in column])
+        values = [map(_harmless, v) for column in expanded for v in column.values()]
         writer.writerows(zip(*values, strict=True))
     return text.getvalue()
+
+
+def _harmless(cell: Any) -> Any:
+    """A cell of which no spreadsheet makes a formula."""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(("=", "+", "-", "@")) else cell
 
 
 def _expand(name: str, cells: Sequence[Cell]) -> dict[str, list[Any]]:
@@ -103,6 +113,8 @@ _LATEX = {c: f"\\{c}" for c in "&%$#_{}"} | {
 
 
 def _latex(tables: Sequence[Table], provenance: Provenance) -> str:
+    """Tables as floats with captions, after a comment with the provenance."""
+
     def line(cells: Sequence[str]) -> str:
         escaped = ("".join(_LATEX.get(c, c) for c in cell).replace("\n", " ") for cell in cells)
         return f"{' & '.join(escaped)} \\\\\n"
@@ -119,6 +131,8 @@ def _latex(tables: Sequence[Table], provenance: Provenance) -> str:
 
 
 def _json(tables: Sequence[Table], provenance: Provenance) -> str:
+    """An object of provenance and tables; numbers with value, standard error and validity."""
+
     def value(cell: Cell) -> Any:
         if not isinstance(cell, Number):
             return cell

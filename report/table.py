@@ -57,6 +57,20 @@ def _fixed(value: float, decimals: int) -> str:
     )
 
 
+def visible(text: str) -> str:
+    """``text`` with characters that are not printed, such as controls, as their escapes."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def printable(table: Table) -> Table:
+    """The table with all its texts :func:`visible`."""
+    columns = tuple(map(visible, table.columns))
+    rows = (tuple(visible(c) if isinstance(c, str) else c for c in row) for row in table.rows)
+    return Table(visible(table.title), columns, tuple(rows))
+
+
 def plain(cell: Cell, plus_minus: str = "±") -> str:
     """A cell as text."""
     if cell is None:

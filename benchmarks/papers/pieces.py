@@ -19,7 +19,8 @@ from echoset.formats.provenance import versions
 
 PACKAGE = Path(echoset.__file__).parent
 SOURCES = ("api.py", "control", "estimators", "formats", "metrics", "models", "simulate")
-"""What of the package decides numbers; the scripts beside this folder do, its pages do not."""
+"""What of the package decides numbers; the papers do, but not what all pages have in common."""
+FORM = ("__init__", "__main__", "page", "pieces")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,7 @@ def sources() -> str:
     scripts = Path(__file__).parents[1]
     found = [PACKAGE / name for name in SOURCES]
     files = [p for path in found for p in (path.rglob("*.*") if path.is_dir() else [path])]
-    files += [p for name in ("*_table.py", "marks_*.py") for p in scripts.glob(f"papers/{name}")]
+    files += [p for p in scripts.glob("papers/*.py") if p.stem not in FORM]
     files.append(scripts / "scene.py")
     for path in sorted(p for p in files if p.suffix in (".py", ".yaml", ".npz")):
         digest.update(path.name.encode() + path.read_bytes())

@@ -1,1 +1,1 @@
-"""Many tasks: who does them, what was done before, and what became of them; begin with ``run``."""
+"""Batches of tasks: workers, resuming, retries, summaries, rules for make; start with ``run``."""

@@ -9,13 +9,17 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import os
+import sys
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from time import monotonic
 from typing import Any, TypeVar
+from urllib.parse import urlsplit
 
 from ...formats.provenance import versions
 from ...models.errors import ParameterError, UnavailableError
@@ -56,13 +60,15 @@ class Cluster:
         if where.partition("://")[0] not in known:
             kinds = " ".join(f"{scheme}://" for scheme in sorted(known))
             raise ParameterError(f"--cluster {address}: {where} begins with none of {kinds}")
+        if not _has_host_and_port(where):
+            raise ParameterError(f"--cluster {address}: {where} is no address like tcp://HOST:PORT")
         try:
             self._client: Any = distributed.Client(where, set_as_default=False)
         except (OSError, ValueError) as error:
             reason = " ".join(str(error).split())
             raise UnavailableError(f"--cluster {address}: no scheduler answers: {reason}") from None
         self._executor = self._client.get_executor(pure=False)
-        self._versions = versions()
+        self._versions = _versions()
         self._width, self._looked, self._warned = 1, -_LOOK, False
 
     @property
@@ -136,13 +142,36 @@ def _address(file: str) -> str:
         raise ParameterError(f"--cluster {file}: is no scheduler file") from None
 
 
+def _has_host_and_port(address: str) -> bool:
+    try:
+        found = urlsplit(address)
+        return bool(found.hostname and found.port)
+    except ValueError:
+        return False
+
+
 def _on_worker(expected: dict[str, str], call: Callable[..., R], *args: Any) -> R:
     """``call(*args)``, unless the numbers of this worker would come from other versions."""
-    if versions() != expected:
+    _leave_current_folder()
+    found = _versions()
+    if found != expected:
         differ = [
             f"{name} {here} instead of {expected[name]}"
-            for name, here in versions().items()
+            for name, here in found.items()
             if here != expected[name]
         ]
         raise UnavailableError(f"a worker of the cluster has {', '.join(differ)}")
     return call(*args)
+
+
+def _versions() -> dict[str, str]:
+    """Versions of what the numbers come from, the compiler of kernels included."""
+    return {**versions(), "numba": version("numba")}
+
+
+def _leave_current_folder() -> None:
+    """Have nothing imported from the folder that the worker was started in, if not asked for."""
+    here = os.getcwd()
+    asked = {os.path.abspath(p) for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p}
+    if here not in asked:
+        sys.path[:] = [p for p in sys.path if p not in ("", here)]

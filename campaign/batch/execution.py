@@ -1,27 +1,33 @@
-"""Who does the tasks of a command, and what is told of them."""
+"""Options of a batch: workers, handling of failures, summary."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ...models.errors import ParameterError
+from ..machine import default_memory
 from ..outputs import DASH, Target
 
 
 @dataclass(frozen=True, slots=True)
 class Execution:
-    """Who does the tasks (``jobs`` processes, or the cluster at an address), and what is told."""
+    """Workers (``jobs`` processes, or the cluster at an address), failures, and the summary.
+
+    ``memory`` is the budget of all processes together [bytes].
+    """
 
     jobs: int = 1
     cluster: str | None = None
     keep_going: bool = False
     summary: str | None = None
+    lock: str | None = None
+    memory: int = field(default_factory=default_memory)
 
     def place(self, path: str) -> str:
-        """``path`` as those who do the tasks know it: the workers of a cluster by its whole name.
+        """``path`` as the workers know it: those of a cluster by its absolute path.
 
         Raises
         ------

@@ -1,11 +1,11 @@
-"""Whether an output has to be made, made again, or is there already.
+"""Resume: an output is made, made again, or left, by its own header and provenance.
 
-That is told by what the output itself says: that it is complete, and its provenance. No clock is
-asked, and no data but headers are read; ``echoset validate`` reads all of them.
+No timestamp counts, and only headers are read; ``echoset validate`` reads all data.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,14 +19,14 @@ RUN, REDO, SKIP = "run", "redo", "skip"
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What is done about an output: ``run``, ``redo`` or ``skip``; and why."""
+    """The action on an output, ``run``, ``redo`` or ``skip``, and its reason."""
 
     action: str
     reason: str
 
 
 def decide(target: Target, expected: Callable[[], Mapping[str, Any]]) -> Decision:
-    """What to do about ``target``, whose header and provenance should say what is ``expected``.
+    """The action on ``target``, whose header and provenance are compared with ``expected``.
 
     Raises
     ------
@@ -35,10 +35,10 @@ def decide(target: Target, expected: Callable[[], Mapping[str, Any]]) -> Decisio
     from ...formats.atomic import refuse_existing
 
     path = target.path
-    if path is None or not path.exists():
+    if path is None or not os.path.exists(path):
         return Decision(RUN, "goes to stdout" if path is None else "is missing")
     reason = "is overwritten"
-    if target.resume and path.is_file():
+    if target.resume and os.path.isfile(path):
         reason = _reason(path, {"format": target.format}, expected)
         if not reason:
             return Decision(SKIP, "is complete")

@@ -1,7 +1,7 @@
-"""Many tasks, done here, by processes or by a cluster: results in order, failures counted.
+"""Batches of tasks, run here, by processes or by a cluster: results in order, failures counted.
 
-Every task draws from streams of its own and writes files of its own, so that who does it, when
-and how often changes nothing.
+Every task draws from streams of its own and writes files of its own, so that worker,
+order and retries change nothing.
 """
 
 from __future__ import annotations
@@ -12,13 +12,16 @@ from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from time import perf_counter
 from traceback import format_exception
 from typing import Any, Generic, TypeVar, cast
 
+from ...formats.atomic import refuse_unwritable, sweep
 from ...models.errors import EchosetError, FormatError
-from .. import exits, log, progress
-from ..outputs import Existing, Target, say
+from .. import exits, log, machine, progress
+from ..names import printable
+from ..outputs import Existing, Target, refuse_collisions, say
 from . import makefile
 from .execution import Execution
 from .resume import REDO, SKIP, Decision
@@ -37,7 +40,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True)
 class Outcome(Generic[R]):
-    """What became of a task: its result, unless it was only decided on, or failed."""
+    """The outcome of a task: its result, unless it was only decided on, or failed."""
 
     decision: Decision | None = None
     result: R | None = None
@@ -70,10 +73,13 @@ def run(
     Ended : not all went well, and what went wrong has been told
     """
     dry_run = existing is not None and existing.dry_run
+    machine.limit_memory(execution.memory)
     whole = whole or Whole()
-    targets: list[Target | None] = [task.target for task in tasks if task.target]
-    targets = targets or [whole.target]
-    makefile.check(deps, targets, (source for task in tasks for source in task.sources))
+    _check_files(tasks, whole, execution, deps)
+    own = whole.target.path if whole.target else None
+    for path in (deps, execution.summary, own):
+        if path is not None and not dry_run:
+            refuse_unwritable(Path(path))
     done = perform([task.placed(execution) for task in tasks], execution, dry_run)
     code = whole.finish(done.results)
     if deps is not None and not dry_run:
@@ -84,6 +90,19 @@ def run(
             rules = [(whole.target, whole.sources(good))]
         makefile.write(deps, rules)
     exits.end(exits.worst(filter(None, (done.exit_code, code)), partial=False))
+
+
+def _check_files(
+    tasks: Sequence[Task[R]], whole: Whole[R], execution: Execution, deps: str | None
+) -> None:
+    """Refuse files that cannot be what they are asked to be, before the work begins."""
+    targets: list[Target | None] = [task.target for task in tasks if task.target]
+    sources = [source for task in tasks for source in task.sources]
+    makefile.check(deps, targets or [whole.target], sources)
+    options = [("--deps", deps), ("--summary", execution.summary), ("--lock", execution.lock)]
+    outputs = [("-o", target.path) for target in targets if target is not None]
+    own = (whole.option, whole.target.path if whole.target else None)
+    refuse_collisions([*outputs, own, *options], [*sources, *whole.inputs])
 
 
 def perform(tasks: Sequence[Task[R]], execution: Execution, dry_run: bool = False) -> Done[R]:
@@ -128,18 +147,18 @@ def perform(tasks: Sequence[Task[R]], execution: Execution, dry_run: bool = Fals
 
 
 def _workers(execution: Execution, tasks: int) -> Workers:
-    """Those who do ``tasks`` tasks."""
+    """Workers for ``tasks`` tasks."""
     if execution.cluster is not None:
         from .cluster import Cluster
 
         return Cluster(execution.cluster)
     jobs = min(execution.jobs, tasks)
-    return Processes(jobs) if jobs > 1 else Here()
+    return Processes(jobs, execution.memory // jobs) if jobs > 1 else Here()
 
 
 @dataclass(frozen=True, slots=True)
 class _Call(Generic[R]):
-    """What a worker does with a task."""
+    """The work of a worker on a task: decide and run."""
 
     dry_run: bool
 
@@ -152,7 +171,9 @@ class _Call(Generic[R]):
         except BrokenPipeError:
             raise
         except Exception as error:
-            return Outcome(error=_portable(error))
+            return Outcome(error=_portable(machine.explained(error) or error))
+        finally:
+            exits.check_signals()
 
 
 def _was_run(decision: Decision | None, dry_run: bool) -> bool:
@@ -211,8 +232,6 @@ def _outcomes(
 @contextmanager
 def _swept(tasks: Sequence[Task[Any]]) -> Iterator[None]:
     """Remove what killed processes have left of outputs of ``tasks``, before and after."""
-    from ...formats.atomic import sweep
-
     paths = [task.target.path for task in tasks if task.target and task.target.path]
     sweep(paths)
     try:
@@ -232,7 +251,7 @@ def _told(task: Task[Any], outcome: Outcome[R]) -> str:
 def _planned(task: Task[Any], decision: Decision | None) -> str:
     assert decision is not None, "a dry run decides"
     where = task.target.path if task.target and task.target.path else "stdout"
-    return f"{decision.action} {where}: {decision.reason}"
+    return printable(f"{decision.action} {where}: {decision.reason}")
 
 
 def _with_name(task: Task[Any], error: Exception) -> Exception:

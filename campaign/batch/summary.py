@@ -1,8 +1,7 @@
-"""What became of a campaign: a line at its end, and the whole as JSON."""
+"""Summary of a batch: one line at its end, and all of it as JSON."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 from ...models.errors import OutputError
 from .. import exits
+from ..names import json_text
 from ..outputs import Target
 from .resume import SKIP, Decision
 from .task import Task
@@ -88,7 +88,7 @@ class Summary:
             "stopped": stopped,
             "failures": sorted(self.failures, key=lambda failure: str(failure["input"])),
         }
-        text = json.dumps(found, indent=2, ensure_ascii=False) + "\n"
+        text = json_text(found, indent=2) + "\n"
         Target(Path(self._path), "json", overwrite=True).write_text(text)
 
 

@@ -1,4 +1,4 @@
-"""What a task is, and what is made of all of them."""
+"""Tasks, and the output of all their results."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ class Task(Protocol[R_co]):
 
     @property
     def label(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
 
     @property
     def target(self) -> Target | None:
-        """What it writes, if that is its own."""
+        """Its own output, if it has one."""
 
     @property
     def sources(self) -> Iterable[str | None]:
         """The files that its output is made from, as the user named them."""
 
     def placed(self, execution: Execution) -> Self:
-        """The task with its files called as those who do it know them."""
+        """The task with the paths of the workers, for a cluster absolute ones."""
 
     def decide(self) -> Decision | None:
         """Whether it has to be done; None where that is no question."""
@@ -41,15 +41,21 @@ class Task(Protocol[R_co]):
 
 
 class Whole(Generic[R]):
-    """What is made of the results of all tasks: by itself nothing."""
+    """A summary of all results, such as a table; by default there is none."""
 
+    option = "-o"
     target: Target | None = None
-    """Its own output, if it has one."""
+    """Its own output, if it has one, and the option that names it."""
+
+    @property
+    def inputs(self) -> Iterable[str | None]:
+        """Files that are read for it, beside those of the tasks."""
+        return ()
 
     def sources(self, tasks: Sequence[Any]) -> Iterable[str | None]:
         """The files that its output is made from, where ``tasks`` went well."""
         return ()
 
     def finish(self, results: list[R]) -> int:
-        """Make it; the exit code, 0 if all is well."""
+        """Write it; the exit code, 0 if all is well."""
         return 0

@@ -1,4 +1,4 @@
-"""Who does the tasks: this process, or processes of this machine.
+"""Workers: this process, or processes of this machine.
 
 Both are executors of :mod:`concurrent.futures`, as is the cluster of :mod:`.cluster`. Workers
 ignore Ctrl-C and leave at SIGTERM, which the parent sends when it is itself asked to end; either
@@ -20,19 +20,21 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Any, Protocol, TypeVar
 
-from .. import exits, log
+from ...models.errors import UnavailableError
+from .. import exits, log, machine
 
 R = TypeVar("R")
 
 _GRACE = 5.0
-"""Seconds that a worker without parent has to clean up."""
+"""Seconds that a worker has to clean up once it is to end."""
+_SAFE = "PYTHONSAFEPATH"
 
 
 class Workers(Protocol):
     """An executor that says how much it can take."""
 
     died: tuple[type[Exception], ...]
-    """What a future raises whose worker died."""
+    """Exceptions of futures whose worker died."""
 
     @property
     def width(self) -> int:
@@ -71,24 +73,31 @@ class Processes(Executor):
 
     died: tuple[type[Exception], ...] = (BrokenProcessPool,)
 
-    def __init__(self, number: int) -> None:
-        self.width = number
+    def __init__(self, number: int, memory: int) -> None:
+        self.width, self._memory = number, memory
         self._idle: SimpleQueue[ProcessPoolExecutor | None] = SimpleQueue()
         self._pools: set[ProcessPoolExecutor] = set()
         for _ in range(number):
             self._idle.put(None)
 
     def submit(self, call: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
-        """Have ``call(*args)`` done; not to be called with ``width`` tasks in flight."""
+        """Have ``call(*args)`` done; not to be called with ``width`` tasks in flight.
+
+        Raises
+        ------
+        UnavailableError : the machine has no more processes or descriptors
+        """
         pool = self._idle.get()
         while True:
-            pool = pool or self._new()
             try:
-                with _held(exits.SIGNALS):
+                with _starting():
+                    pool = pool or self._new()
                     future = pool.submit(_in_worker, call, *args)
             except BrokenProcessPool:
                 pool = None
                 continue
+            except OSError as error:
+                raise UnavailableError(f"cannot start a worker: {error.strerror}") from error
             future.add_done_callback(partial(self._take_back, pool))
             return future
 
@@ -97,7 +106,7 @@ class Processes(Executor):
 
     def _new(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(1, context, _start_worker, log.settings())
+        pool = ProcessPoolExecutor(1, context, _start_worker, (*log.settings(), self._memory))
         self._pools.add(pool)
         return pool
 
@@ -105,13 +114,40 @@ class Processes(Executor):
         """Nothing to look after: a future knows of the death of its worker."""
 
     def close(self) -> None:
-        """Leave; what is in flight is given up."""
+        """Leave; what is in flight is given up, and workers that do not end are killed."""
         idle = self._idle.qsize() == self.width
         with _held(exits.SIGNALS):
-            for process in () if idle else multiprocessing.active_children():
+            workers = multiprocessing.active_children()
+            for process in () if idle else workers:
                 process.terminate()
-            for pool in self._pools:
-                pool.shutdown(cancel_futures=True)
+            leaving = threading.Thread(target=self._shut_down)
+            leaving.start()
+            leaving.join(_GRACE)
+            if leaving.is_alive():
+                for process in workers:
+                    process.kill()
+            leaving.join()
+
+    def _shut_down(self) -> None:
+        for pool in self._pools:
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _starting() -> Iterator[None]:
+    """Processes that are started within the block hold signals back, and import nothing from here.
+
+    Python would look for every module in the current folder first, where any file may lie.
+    """
+    before = os.environ.get(_SAFE)
+    os.environ[_SAFE] = "1"
+    try:
+        with _held(exits.SIGNALS):
+            yield
+    finally:
+        del os.environ[_SAFE]
+        if before is not None:
+            os.environ[_SAFE] = before
 
 
 @contextmanager
@@ -124,8 +160,9 @@ def _held(signals: Iterable[signal.Signals]) -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _start_worker(verbosity: int, form: str) -> None:
+def _start_worker(verbosity: int, form: str, memory: int) -> None:
     """Leave Ctrl-C and hang-up to the parent, SIGTERM to the time of a task."""
+    machine.limit_memory(memory)
     exits.handle_signals(patience=0.0)
     for signum in (signal.SIGINT, signal.SIGHUP):
         signal.signal(signum, signal.SIG_IGN)
@@ -150,5 +187,6 @@ def _in_worker(call: Callable[..., R], *args: Any) -> R:
             return call(*args)
         finally:
             signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+            exits.check_signals()
     except exits.Terminated as error:
         os._exit(int(str(error.code)))

@@ -88,33 +88,32 @@ def joined(runs: list[Info]) -> Info:
 def sample(
     scene: Scene,
     params: ChainParams,
-    start: tuple[Array, Array],
+    starts: list[tuple[Array, Array]],
     intensity: Array | None,
     rng: np.random.Generator,
 ) -> Result:
-    """Run the chain from the targets ``start``, centres (L, 3) and extents (L, 6).
+    """Run the chain from the best of ``starts``, each of centres (L, 3) and extents (L, 6).
+
+    A burn-in is made from every one, and the one goes on whose log posterior ends higher.
 
     Raises
     ------
     EstimatorError : the log posterior is not finite
     """
-    state = gsncp.empty(scene, params.max_targets)
-    put(state, *start)
     D = gsncp.free(scene.lower, scene.upper)[1]
     if intensity is None:
         half = max(len(scene.weight) / 2 / max(len(scene.offset) - 1, 1), 1e-3)
-        intensity = np.array([max(len(start[0]), 1) / D, half / D])
-    burnt, ready, scale = burn_in(scene, params, state, known(params, intensity, D), rng)
-    if params.restart and len(start[0]):
-        other = gsncp.empty(scene, params.max_targets)
-        again, *rest = burn_in(scene, params, other, known(params, intensity, D), rng)
-        if again.trace[-LATE:].mean() > burnt.trace[-LATE:].mean():
-            state, (ready, scale) = other, rest
-        burnt = joined([burnt, again])
-    intensity = ready
+        intensity = np.array([max(len(starts[0][0]), 1) / D, half / D])
+    burnt = []
+    for start in starts:
+        state = gsncp.empty(scene, max(params.places(len(scene.weight)), len(start[0])))
+        put(state, *start)
+        burnt.append((state, *burn_in(scene, params, state, known(params, intensity, D), rng)))
+    state, _, intensity, scale = max(burnt, key=lambda b: float(b[1].trace[-LATE:].mean()))
     explored = explore(scene, params, state, intensity, scale, rng)
     samples, sampled = draw(scene, params, state, intensity, scale, rng)
-    return Result(samples, intensity, scale, burnt, explored, sampled, targets(state))
+    runs = joined([info for _, info, _, _ in burnt])
+    return Result(samples, intensity, scale, runs, explored, sampled, targets(state))
 
 
 def burn_in(
@@ -132,7 +131,7 @@ def burn_in(
             raise EstimatorError("the log posterior is not finite")
         adapt(scale, info, params.acceptance)
         gain = 1 / min(len(runs), params.smoothing)
-        target = known(params, labelled(scene, state, intensity, D, rng), D)
+        target = known(params, labelled(scene, state, intensity, rng), D)
         intensity = intensity + gain * (target - intensity)
         done, since = done + params.block, since + params.block
         if info.trace.max() > best:
@@ -150,7 +149,8 @@ def explore(
 ) -> Info:
     """Let the number of targets vary; leave the best state that has the most frequent number.
 
-    Ends once the number has been the same for ``params.explore`` moves.
+    Of the numbers that a block of moves ended with, so that there is such a state even where the
+    number is undecided. Ends once it has been the same for ``params.explore`` moves.
     """
     moves, runs, kept, done, same = np.array(params.moves), [], [], 0, 0
     while same < params.explore and done < params.max_explore:
@@ -162,10 +162,9 @@ def explore(
         steady = (info.count == before).all()
         done, same = done + params.block, same + params.block if steady else 0
     whole = joined(runs)
-    usual = np.bincount(whole.count).argmax() if runs else -1
-    held = [k for k in kept if len(k[1][0]) == usual]
-    if held:
-        put(state, *max(held, key=lambda k: k[0])[1])
+    if kept:
+        usual = max({len(c) for _, (c, _) in kept}, key=lambda L: int((whole.count == L).sum()))
+        put(state, *max((k for k in kept if len(k[1][0]) == usual), key=lambda k: k[0])[1])
     return whole
 
 
@@ -195,6 +194,7 @@ def targets(state: State) -> tuple[Array, Array]:
 
 def put(state: State, c: Array, e: Array) -> None:
     """Let the targets be c (L, 3), e (L, 6); the chain computes what follows from them."""
+    state.eta[: state.size[0]] = 0.0
     state.size[0] = len(c)
     state.c[: len(c)], state.e[: len(c)] = c, e
 
@@ -208,15 +208,13 @@ def adapt(scale: Array, info: Info, acceptance: float) -> None:
     scale[:] = np.clip(scale, 1e-3, 10.0)
 
 
-def labelled(
-    scene: Scene, state: State, intensity: Array, D: float, rng: np.random.Generator
-) -> Array:
+def labelled(scene: Scene, state: State, intensity: Array, rng: np.random.Generator) -> Array:
     """Intensities (lambda, lambda_c) of a sampled labelling of the detections as clutter."""
-    M, K, L = len(scene.weight), len(scene.offset) - 1, int(state.size[0])
-    clutter = (rng.random(M) * (intensity[1] + state.shot) < intensity[1]).sum()
-    rho = state.rho[:L].sum()
-    targets = L * (M - clutter) / (D * rho) if L else 0.0
-    return np.array([max(1e-5, targets), max(1e-5, clutter / (max(K, 1) * D))])
+    L = int(state.size[0])
+    clutter = rng.random(len(state.shot)) * (intensity[1] + state.shot) < intensity[1]
+    return gsncp.intensities(
+        scene, L, state.rho[:L].sum(), clutter.sum(), gsncp.room(scene, state.c[:L])
+    )
 
 
 def known(params: ChainParams, intensity: Array, D: float) -> Array:

@@ -14,15 +14,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial.distance import pdist
 
 from ...models import extent
+from ...models.grids import Grid
 from ...models.parameters import parameter, require
 from ...models.records import Array, Estimates, Recording, Scan
-from ..kernels.clusters import clusters
 from ..presets import Presets
+from .chain import put
 from .kernels import posterior as gsncp
 from .kernels.compiled import posterior as compiled
+from .kernels.compiled.neighbours import cells, counts, labels
 from .kernels.posterior import Scene, State
 from .oracle import fit
 from .output import Labels, objects
@@ -32,7 +34,7 @@ from .sensors import STREAMS, noise
 
 SUMMARY = "extended targets as DBSCAN clusters, the configuration of best posterior"
 PRESETS = Presets(__package__, "dbscan")
-__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "clusters", "estimate"]
+__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +44,10 @@ class Params(SceneParams):
     TITLE = "clusters"
 
     radii: tuple[float, ...] = parameter(
-        (0.5, 1.0, 1.5, 2.0, 2.5, 3.0), "m", "neighbourhoods (eps)", within="(0, inf)"
+        (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0),
+        "m",
+        "neighbourhoods (eps)",
+        within="(0, inf)",
     )
     neighbours: tuple[int, ...] = parameter(
         (1, 2, 3, 4, 5, 6, 7),
@@ -71,34 +76,43 @@ def estimate(
     """
     nodes = grid(params, setup)
     births = {"spread": 1.0, "uniform": 1.0, "informed": True}
-    labels = Labels()
+    persistent = Labels()
     seen: list[Any] = []
     for time_ns, states in epochs(params, setup, scans, nodes):
         seen = [*seen, states][-params.epochs :]
         flat = [s for epoch in seen for s in epoch]
-        sight = scene(params, flat, nodes, **births)
-        z = sight.z.T
-        S = noise(flat, nodes, [s.z for s in flat])
-        best, x = -np.inf, np.zeros((0, 9))
-        state = gsncp.empty(sight, params.max_targets)
-        for label in configurations(z[:, : params.dimension], params, len(seen)):
-            if label.max(initial=-1) < params.max_targets:
-                found = targets(z, S, label, params)
-                score = log_posterior(sight, state, found, label)
-                if score > best:
-                    best, x = score, found
+        x = best(scene(params, flat, nodes, **births), params, len(seen))
         count = {"cardinality_mean": np.array([len(x)], float), "cardinality_variance": np.zeros(1)}
-        names = labels.of(x[:, :3], max(params.hard_core_radius, 1.0) / 2)
+        names = persistent.of(x[:, :3], max(params.hard_core_radius, 1.0) / 2)
         yield Estimates(setup.meta, objects(time_ns, x, names, params.dimension), count)
+
+
+def best(sight: Scene, params: Params, scale: int) -> Array:
+    """Centres and extents (L, 9) of the configuration of best posterior, of ``scale`` epochs."""
+    z = sight.z.T
+    nodes = Grid(sight.origin, sight.spacing, sight.table.shape[1:4])
+    S = noise(sight.table, nodes, np.split(z, sight.offset[1:-1]))
+    highest, x = -np.inf, np.zeros((0, 9))
+    places = params.places(len(z))
+    state = gsncp.empty(sight, places)
+    for every in configurations(z[:, : params.dimension], params, scale):
+        label = within(z, every, params)
+        if label.max(initial=-1) < places:
+            found = targets(z, S, label, params)
+            score = log_posterior(sight, state, found, label)
+            if score > highest:
+                highest, x = score, found
+    return x
 
 
 def configurations(z: Array, params: Params, scale: int) -> Iterator[Array]:
     """Labels (M,) of every configuration; ``scale`` epochs multiply the numbers of neighbours."""
-    tree = cKDTree(z)
+    most = max(params.neighbours) * scale
     for radius in params.radii:
-        pairs = tree.query_pairs(radius, output_type="ndarray").reshape(-1, 2)
+        grid = cells(z, radius)
+        count = counts(grid, most)
         for least in params.neighbours:
-            yield clusters(pairs, len(z), least * scale)
+            yield labels(grid, count >= least * scale)
 
 
 def targets(z: Array, S: Array, label: Array, params: Params) -> Array:
@@ -109,21 +123,30 @@ def targets(z: Array, S: Array, label: Array, params: Params) -> Array:
     for l in range(len(x)):
         mine = label == l
         x[l] = fit(z[mine], S[mine], None, E, (lower, upper), params.dimension)
-    return np.asarray(np.clip(x, [*params.box[0], *lower], [*params.box[1], *upper]))
+    return x
+
+
+def within(z: Array, label: Array, params: Params) -> Array:
+    """Labels (M,) of the clusters that have a detection in the region, numbered anew."""
+    lower, upper = params.box
+    inside = ((z >= lower) & (z <= upper)).all(1)
+    kept = np.unique(label[inside & (label >= 0)])
+    number = np.full(label.max(initial=-1) + 2, -1)
+    number[kept] = np.arange(len(kept))
+    return number[label]
 
 
 def log_posterior(sight: Scene, state: State, x: Array, label: Array) -> float:
     """The log posterior of targets x (L, 9), with the intensities that their labels amount to.
 
     Clusters within the hard core are held against a configuration, but do not rule it out, so
-    that one always wins: by more than any likelihood could make good.
+    that one always wins: by more than any likelihood could make good. A mean beyond the border,
+    of a cluster that straddles it, is not.
     """
-    L, M, K = len(x), len(label), len(sight.offset) - 1
-    state.size[0], state.c[:L], state.e[:L] = L, x[:, :3], x[:, 3:]
+    L = len(x)
+    put(state, x[:, :3], x[:, 3:])
     compiled.refresh(sight, state)
-    D = gsncp.free(sight.lower, sight.upper)[1]
-    clutter = float((label < 0).sum())
-    rho = state.rho[:L].sum()
-    intensity = np.maximum(1e-5, [L * (M - clutter) / (D * rho) if L else 0.0, clutter / (K * D)])
-    close = 0 if gsncp.feasible(sight, x[:, :3], x[:, 3:]) else 1e9
+    clutter, D = float((label < 0).sum()), gsncp.free(sight.lower, sight.upper)[1]
+    intensity = gsncp.intensities(sight, L, state.rho[:L].sum(), clutter, D)
+    close = 1e9 if (pdist(x[:, :3]) < sight.radius).any() else 0.0
     return compiled.log_posterior(sight, state, intensity) - close

@@ -6,7 +6,8 @@ the estimate of the epoch before. The posterior stands in :mod:`.kernels.posteri
 moves: steps of position and extent, and births and deaths by their total rates; but a patience of
 10,000 moves, since most of those births fall beside targets that are known already. The default has
 births near unexplained detections, relocations, steps that follow from the detections expected, and
-a second start from nothing, since an estimate that straddles two targets holds on to its place.
+a second start, from clusters and later from nothing, since an estimate that straddles two targets
+holds on to its place.
 
 References
 ----------
@@ -18,25 +19,33 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from logging import getLogger
 from typing import Any
 
 import numpy as np
 
+from ...models.errors import InputError
 from ...models.parameters import parameter
 from ...models.records import Array, Estimates, Recording, Scan
 from ..presets import Presets
+from . import dbscan
 from .chain import Result, sample
 from .kernels.chains import effective_sample_size
 from .kernels.posterior import Scene, feasible
 from .output import Labels, objects
-from .params import ChainParams
+from .params import ChainParams, SceneParams
 from .scene import epochs, grid, scene
 from .sensors import STREAMS, SensorState
 
 SUMMARY = "extended targets from multi-sensor multi-scan detections by jump MCMC (DI-GSNCP)"
 PRESETS = Presets(__package__, "di-gsncp")
+NOTHING = np.zeros((0, 3)), np.zeros((0, 6))
+"""No targets."""
+KEPT = 64
+"""Targets whose samples are kept where no largest number is stated."""
 TRACE = 100
 """Points of a trace that the diagnostics keep."""
+_log = getLogger(__name__)
 __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate", "scenes"]
 
 
@@ -63,22 +72,48 @@ def estimate(
         detections need more memory than there may be
     EstimatorError : the log posterior is not finite
     """
-    start, intensity = (np.zeros((0, 3)), np.zeros((0, 6))), None
-    labels = Labels()
+    start, intensity = NOTHING, None
+    labels, cut = Labels(), False
     for time_ns, sight in scenes(setup, scans, params):
-        result = sample(sight, params, start, intensity, rng)
+        starts = [start]
+        if params.restart:
+            starts.append(clusters(sight, params) if intensity is None else NOTHING)
+        result = sample(sight, params, starts, intensity, rng)
         mean, P = spread(result.samples)
         start, intensity = (mean[:, :3], mean[:, 3:]), result.intensity
         label = labels.of(mean[:, :3], max(params.hard_core_radius, 1.0) / 2)
         steps = diagnostics(result)
+        places = params.places(len(sight.weight))
+        if max(r.count.max(initial=0) for r in (result.burn_in, result.explored)) >= places:
+            if not cut:
+                _log.warning("all %d places were taken: there may be more, see max_targets", places)
+            cut = True
+            steps["cardinality_variance"] = np.maximum(steps["cardinality_variance"], 1.0)
         if params.keep:
             n, L, _ = result.samples.shape
-            kept = np.zeros((1, n, params.max_targets, 9))
+            if (places := params.max_targets or KEPT) < L:
+                raise InputError(f"keep holds {places} targets, of {L}: raise max_targets")
+            kept = np.zeros((1, n, places, 9))
             kept[0, :, :L] = result.samples[:, np.argsort(label)]
             steps["samples"] = kept
         yield Estimates(setup.meta, objects(time_ns, mean, label, params.dimension, P), steps)
         if not feasible(sight, *start):
             start = result.last
+
+
+def clusters(sight: Scene, params: Params) -> tuple[Array, Array]:
+    """Centres (L, 3) and extents (L, 6) of the best clusters, as far as the prior has them.
+
+    The published radii are those for births a metre around detections, and scale with it.
+    """
+    shared = {name: getattr(params, name) for name in SceneParams.__match_args__}
+    radii = tuple(params.spread * r for r in dbscan.Params().radii)
+    x = dbscan.best(sight, dbscan.Params(**shared, radii=radii), 1)
+    apart = np.zeros((0, 9))
+    for target in np.hstack([np.clip(x[:, :3], *params.box), x[:, 3:]]):
+        if (np.linalg.norm(apart[:, :3] - target[:3], axis=1) >= sight.radius).all():
+            apart = np.vstack([apart, target])
+    return apart[:, :3], apart[:, 3:]
 
 
 def scenes(setup: Recording, scans: Iterable[Scan], params: Params) -> Iterator[tuple[int, Scene]]:
@@ -97,6 +132,17 @@ def spread(x: Array) -> tuple[Array, Array]:
     return x.mean(0), np.einsum("nli,nlj->lij", away, away) / max(len(x) - 1, 1)
 
 
+def effective(x: Array) -> float:
+    """Least effective number among the coordinates of samples x (n, L, 9), which make the mean."""
+    moving = np.flatnonzero(np.ptp(x, axis=0).any(0))
+    sizes = [
+        effective_sample_size(x[:, l, i]) if np.ptp(x[:, l, i]) else 1.0
+        for l in range(x.shape[1])
+        for i in moving
+    ]
+    return min(sizes, default=float(len(x)))
+
+
 def diagnostics(result: Result) -> dict[str, Array]:
     """What the chain tells about itself, one value or array for the step."""
     runs = (result.burn_in, result.explored, result.sampled)
@@ -112,7 +158,7 @@ def diagnostics(result: Result) -> dict[str, Array]:
         "burn_in": float(len(result.burn_in.trace)),
         "log_posterior": result.sampled.trace.mean(),
         "log_posterior_explored": settled.trace.mean(),
-        "effective_sample_size": effective_sample_size(result.sampled.trace),
+        "effective_sample_size": effective(result.samples),
         "intensity": result.intensity[0],
         "clutter_intensity": result.intensity[1],
         "acceptance": acceptance,

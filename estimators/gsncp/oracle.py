@@ -75,7 +75,7 @@ def estimate(
         origin = [label_[s.order] for s, (label_, _) in zip(states, found, strict=True)]
         points = [p[s.order] for s, (_, p) in zip(states, found, strict=True)]
         points = [np.where(np.isnan(p), a, p) for p, a in zip(points, z, strict=True)]
-        noises = noise(states, nodes, points)
+        noises = noise((s.table for s in states), nodes, points)
         parts.append((np.concatenate(z), np.concatenate(origin), noises))
         parts = parts[-params.epochs :]
         told = [np.concatenate(column) for column in zip(*parts, strict=True)]

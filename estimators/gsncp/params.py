@@ -105,7 +105,18 @@ class SceneParams(TargetParams):
         within=f"(0, {MAX_GATE:g}]",
     )
     memory: float = parameter(4.0, "GB", "refuse more detections than it holds", within="(0, inf)")
-    max_targets: int = parameter(64, "1", "most targets at a time", within="[1, inf)")
+    max_targets: int = parameter(
+        0,
+        "1",
+        "most targets at a time; 0: one for every four detections, at least 64, in half the memory",
+        within="[0, inf)",
+    )
+
+    def places(self, detections: int) -> int:
+        """Most targets at a time beside so many detections."""
+        if self.max_targets:
+            return self.max_targets
+        return max(64, min(detections // 4, int(self.memory / 16e-9 / max(detections, 1))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +168,10 @@ class ChainParams(SceneParams):
     )
     burn_in: int = parameter(15_000, "1", "least number of moves of the burn-in", within="[0, inf)")
     restart: bool = parameter(
-        True, "1", "a second burn-in, from no targets at all; the better goes on"
+        True,
+        "1",
+        "a second burn-in, from clusters in the first epoch and then from no targets at all; the "
+        "better goes on",
     )
     max_burn_in: int = parameter(
         40_000, "1", "largest number of moves of the burn-in", within="[1, inf)"

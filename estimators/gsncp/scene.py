@@ -58,12 +58,28 @@ def epochs(
 ) -> Iterator[tuple[int, list[SensorState]]]:
     """The time [ns] of each epoch and the sensor states in it."""
     number = dict.fromkeys(setup.streams, 0)
+    afford(params, nodes, 1)
     for time_ns, group in groupby(scans, key=lambda scan: scan.time_ns):
         states = []
         for scan in group:
             states.append(sensor_state(params, setup, scan, number[scan.stream], nodes))
             number[scan.stream] += 1
         yield time_ns, states
+
+
+def afford(params: SceneParams, nodes: Grid, tables: int) -> None:
+    """Refuse more tables than there may be, kept twice, beside what one takes while it is made.
+
+    Raises
+    ------
+    InputError : they need more than the memory
+    """
+    need = float(np.prod(nodes.shape)) * (2 * 7 * tables + 30) * 8e-9
+    if need > params.memory:
+        raise InputError(
+            f"{tables} tables of {' by '.join(map(str, nodes.shape))} nodes need {need:.2g} GB, "
+            f"memory is {params.memory:g}: raise it, or cell"
+        )
 
 
 def scene(params: SceneParams, states: Iterable[SensorState], grid: Grid, **births: Any) -> Scene:
@@ -75,20 +91,18 @@ def scene(params: SceneParams, states: Iterable[SensorState], grid: Grid, **birt
     """
     states = list(states)
     count = [len(s.z) for s in states]
-    need = sum(count) * (params.max_targets + 16) * 8e-9
+    need = sum(count) * (params.places(sum(count)) + 16) * 8e-9
     if need > params.memory:
         raise InputError(
             f"{sum(count)} detections need {need:.2g} GB, memory is {params.memory:g}: raise it, "
             "or lower max_targets"
         )
+    afford(params, grid, len(states))
     z = np.concatenate([s.z for s in states])
     lower, upper = params.box
     outside = np.array([params.p_false, *np.eye(3)[np.triu_indices(3)] * params.outside_variance])
     if params.dimension == 2:
         outside[[3, 5, 6]] = 0.0, 0.0, 1 / (2 * pi) - 1
-    cells = np.array([s.cell for s in states])
-    if not (cells == cells[0]).all():
-        raise InputError("the streams' resolutions differ")
     return Scene(
         np.ascontiguousarray(z.T),
         np.concatenate([[0], np.cumsum(count)]).astype(np.int64),
@@ -98,7 +112,7 @@ def scene(params: SceneParams, states: Iterable[SensorState], grid: Grid, **birt
         outside,
         np.array([s.position for s in states]),
         np.array([s.frame for s in states]),
-        cells[0],
+        np.array([s.cell for s in states]),
         lower,
         upper,
         *params.extent_box,

@@ -146,16 +146,16 @@ def _jacobian(x: Array) -> Array:
     return np.stack((x / r[..., None], a, e), -1)
 
 
-def noise(states: Iterable[SensorState], nodes: Grid, points: Iterable[Array]) -> Array:
-    """Error covariances (m, 3, 3) [m2] of ``points`` (m_k, 3) of each of the sensor states.
+def noise(tables: Iterable[Array], nodes: Grid, points: Iterable[Array]) -> Array:
+    """Error covariances (m, 3, 3) [m2] of ``points`` (m_k, 3) by the table of each sensor state.
 
     Beyond the tables those of the nearest place in them.
     """
     last = nodes.origin + nodes.spacing * (np.array(nodes.shape) - 1)
     parts = [np.zeros((0, 6))]
-    for state, at in zip(states, points, strict=True):
+    for table, at in zip(tables, points, strict=True):
         inside = np.clip(at, nodes.origin, np.maximum(last, nodes.origin))
-        parts.append(nodes.interpolate(state.table, inside, np.zeros(7))[:, 1:])
+        parts.append(nodes.interpolate(table, inside, np.zeros(7))[:, 1:])
     S = np.zeros((sum(map(len, parts)), 3, 3))
     S[..., *_UPPER] = S[..., *_UPPER[::-1]] = np.concatenate(parts)
     return S

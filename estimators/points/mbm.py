@@ -11,7 +11,6 @@ Trans. Aerosp. Electron. Syst. 40 (2004) 1093-1099.
 
 from __future__ import annotations
 
-import logging
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -21,16 +20,30 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array, Estimates, Objects, Recording, Scan
+from ...models.regions import mass, polygons
 from .clutter_map import learnt, persistent
+from .cuts import Told
+from .edge import detection_probability
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
-from .kernels.compiled import gaussians
+from .kernels.gaussians import falling
 from .kernels.smoothing import Epoch, smooth
 from .mbm_filter import Params, State, init, predict, reduce, update
-from .sensing import Look, expected, looks, per_stream
-from .source import MADE, Nothing, Source, recognised
+from .sensing import (
+    UNKNOWN,
+    Look,
+    SensorParams,
+    at_once,
+    count,
+    innovations,
+    log_likelihood,
+    looks,
+    positions,
+)
+from .source import Nothing, Source, recognised
+from .streams import per_stream
+from .targets import Interval, appeared, born, settled, within
 
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
-_log = logging.getLogger(__name__)
 
 
 def followed(mixture: Mixture, params: Params) -> tuple[Array, Array]:
@@ -60,25 +73,23 @@ def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Context:
-    """What stays: the recording's setup and the parameters, in all and by stream.
+    """What stays: the recording's setup, parameters (in all and by stream), corners of regions.
 
-    ``spread`` are those by stream with undetected targets among the clutter, where they are;
     ``source`` makes detections of scans that hold none.
     """
 
     setup: Recording
     params: Params
     sensing: Mapping[str, Params]
-    spread: Mapping[str, Params]
+    regions: Mapping[str, Array]
     source: Source
 
     @staticmethod
     def of(setup: Recording, params: Params, source: Source | None = None) -> Context:
         """The context of a recording."""
-        sensing = per_stream(params, setup) | {MADE: params}
-        more = params.birth_rate if params.poisson and params.birth == "detections" else 0.0
-        spread = {n: replace(p, clutter_rate=p.clutter_rate + more) for n, p in sensing.items()}
-        return Context(setup, params, sensing, spread, source or Nothing())
+        params = settled(params, setup)
+        sensing = per_stream(params, setup)
+        return Context(setup, params, sensing, polygons(params.regions), source or Nothing())
 
 
 def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, Epoch]:
@@ -91,31 +102,37 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     EstimatorError : no hypothesis is possible
     """
-    together = list(scans)
-    time_ns = together[0].time_ns
-    names = [scan.stream for scan in together]
-    if len(set(names)) < len(names):
-        raise InputError(f"scans at {time_ns} ns: two of one stream")
-    label, m = followed(state.mixture, context.params)
-    state, count, F, Q = predict(state, context.params, time_ns)
-    source = context.source
-    sight = source.see(together, label, (m @ F.T)[:, :2], state.classes)
-    for scan, all_ in looks(together, sight, context.setup, context.spread, source.region):
-        params, spread, seen = context.sensing[scan.stream], context.spread[scan.stream], all_
+    params, together, source = context.params, at_once(scans), context.source
+    label, m = followed(state.mixture, params)
+    state, gone = predict(state, params, together[0].time_ns)
+    sight = source.see(together, label, (m @ gone.F.T)[:, :2], state.classes)
+    used: list[Look] = []
+    novelty: list[Array] = []
+    cut = {"max_detections": 0.0}
+    for scan, all_ in looks(
+        together, sight, context.setup, context.sensing, source.region, within(params)
+    ):
+        own, seen = context.sensing[scan.stream], all_
         if len(seen.z) > params.max_detections:
-            _log.warning("scan of %s at %d ns: %d detections", scan.stream, time_ns, len(seen.z))
-            seen = _likeliest(seen, state.mixture.local, params)
-        known = params.clutter_rate / (spread.clutter_rate or 1.0)
-        even = (1 - known) * count * seen.clutter
-        clutter = known * seen.clutter + persistent(state.maps, scan.stream, seen, params)
-        state = update(state, replace(seen, clutter=clutter), params, even)
-        maps = learnt(state.maps, scan, all_, params)
-        state = replace(reduce(state, params), maps=maps)
-    label, m = followed(state.mixture, context.params)
+            cut["max_detections"] += len(seen.z) - params.max_detections
+            seen = _likeliest(seen, state.mixture.local, own, params)
+        even = _even(seen, used, gone, params)
+        clutter = seen.clutter + persistent(state.maps, scan.stream, seen, own)
+        seen = replace(seen, clutter=clutter)
+        state, new = update(state, seen, params, own, even)
+        maps = learnt(state.maps, scan, all_, own)
+        state = replace(reduce(state, params, max(len(seen.z), state.detections)), maps=maps)
+        used.append(seen)
+        novelty.append(new)
+    if not params.poisson:
+        waiting, cut["max_births"] = born(params, used, novelty, gone)
+        state = replace(state, waiting=waiting)
+    label, m = followed(state.mixture, params)
     alive = state.mixture.label
     classes = recognised(sight, label, m[:, :2], alive, state.classes)
-    state = replace(state, classes=classes)
-    return state, Epoch(time_ns, state.mixture.local, F, Q)
+    n = max(state.detections // 2, *(len(seen.z) for seen in used))
+    state = replace(state, classes=classes, cut={**state.cut, **cut}, detections=n)
+    return state, Epoch(together[0].time_ns, state.mixture.local, gone.F, gone.Q)
 
 
 def estimate(
@@ -133,7 +150,7 @@ def estimate(
 
 def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
     """:func:`estimate` in a context of the caller's."""
-    params, state = context.params, init()
+    params, state, told = context.params, init(), Told()
     moved: set[int] = set()
     epochs: deque[Epoch] = deque()
     numbers: deque[dict[str, Array]] = deque()
@@ -144,42 +161,89 @@ def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
         objects = context.source.named(objects, state.classes)
         return Estimates(context.setup.meta, objects, numbers.popleft())
 
-    for _, together in groupby(context.source.used(scans), key=lambda scan: scan.time_ns):
+    for time_ns, group in groupby(context.source.used(scans), key=lambda scan: scan.time_ns):
+        together = list(group)
         state, epoch = step(state, together, context)
         moved = _moved(state.mixture, moved, params)
         epochs.append(epoch)
-        numbers.append(_numbers(state.mixture))
+        told.warn(state.cut, time_ns, count(together))
+        lost = sum(v for name, v in state.cut.items() if name != "max_detections")
+        numbers.append(_numbers(state.mixture, lost) | regional(state.mixture, context.regions))
         while epochs and epoch.time_ns - epochs[0].time_ns >= 1e9 * params.lag:
             yield leave()
     while epochs:
         yield leave()
 
 
-def _likeliest(seen: Look, a: Bernoullis, params: Params) -> Look:
+def _likeliest(seen: Look, a: Bernoullis, own: SensorParams, params: Params) -> Look:
     """The ``max_detections`` detections that are nearest to a known target."""
-    z_hat, _, S = expected(seen, a.m, a.P, params.unscented)
-    log_l = gaussians.log_likelihood(seen.z, z_hat, S[:, None] + seen.R, seen.period, np.inf)
-    best = np.argsort(-log_l.max(axis=0, initial=-np.inf), kind="stable")[: params.max_detections]
-    best.sort()
+    z_hat, _, S = innovations(seen, a.m, a.P, own.unscented)
+    log_l = log_likelihood(seen, z_hat, S, np.inf)
+    likely = np.maximum(log_l.max(axis=0, initial=-np.inf), -1e300)
+    best = np.sort(falling(likely, seen.z)[: params.max_detections])
     R = seen.R if len(seen.R) == 1 else seen.R[best]
-    return replace(seen, z=seen.z[best], R=R, clutter=seen.clutter[best])
+    some = {name: getattr(seen, name)[best] for name in ("z", "clutter", "spatial")}
+    parts = tuple(seen.parts[i] for i in best) if seen.parts else ()
+    return replace(seen, **some, R=R, parts=parts)
 
 
-def _numbers(mixture: Mixture) -> dict[str, Array]:
-    """Mean and variance of the number of detected targets, and the size of the mixture."""
+def _even(seen: Look, before: list[Look], gone: Interval, params: Params) -> Array:
+    """Density (n,) of targets, spread like the clutter, that no look of the time has detected yet.
+
+    Raises
+    ------
+    InputError : it is not known where the clutter lies
+    """
+    n = len(seen.z)
+    if not params.poisson or params.birth != "detections" or not params.birth_rate:
+        return np.zeros(n)
+    if np.isnan(seen.spatial).any():
+        raise InputError(UNKNOWN)
+    density = params.birth_rate * appeared(params.p_survive, 0.0, gone.steps) * seen.spatial
+    m = np.hstack((positions(seen)[0], np.zeros((n, 2))))
+    P = np.tile(np.eye(4), (n, 1, 1))
+    for look in before:
+        density = density * (1 - detection_probability(look, m, P, False))
+    return density
+
+
+def regional(mixture: Mixture, regions: Mapping[str, Array]) -> dict[str, Array]:
+    """Mean and variance of the number of detected targets in each region, (1,) each.
+
+    Those of every hypothesis, and that of their means; E. Delande, J. Houssineau and D. E. Clark,
+    "Regional variance in target number: analysis and application for multi-Bernoulli point
+    processes", Data Fusion & Target Tracking 2014.
+    """
+    a, found = mixture.local, {}
+    for name, corners in regions.items():
+        r = np.append(a.r * mass(a.m[:, :2], a.P[:, :2, :2], corners), 0.0)[mixture.table]
+        mean = r.sum(axis=1)
+        total = mixture.w @ mean
+        variance = mixture.w @ ((r * (1 - r)).sum(axis=1) + (mean - total) ** 2)
+        found[f"region_mean_{name}"] = np.array([total])
+        found[f"region_variance_{name}"] = np.array([variance])
+    return found
+
+
+def _numbers(mixture: Mixture, cut: float = 0.0) -> dict[str, Array]:
+    """Mean and variance of the number of detected targets, and the size of the mixture.
+
+    Of the targets ``cut`` off by limits no more is known than how many to expect.
+    """
     r = mixture.existence()
     mean = r.sum(axis=1)
     total = mixture.w @ mean
     variance = mixture.w @ ((r * (1 - r)).sum(axis=1) + (mean - total) ** 2)
-    values = {"cardinality_mean": total, "cardinality_variance": variance}
+    values = {"cardinality_mean": total + cut, "cardinality_variance": variance + cut, "cut": cut}
     sizes = {"hypotheses": len(mixture.w), "tracks": len(mixture.label)}
     return {key: np.array([value]) for key, value in (values | sizes).items()}
 
 
 def _moved(mixture: Mixture, moved: set[int], params: Params) -> set[int]:
-    """Labels of the tracks that have travelled far enough in the best hypothesis, once or now."""
-    tracks = np.flatnonzero(mixture.table[0] >= 0)
-    way = mixture.local.m[mixture.table[0, tracks]] - mixture.start[tracks]
+    """Labels of the tracks that have travelled far enough from their first detection, ever."""
+    tracks, index = extract(mixture, params)
+    way = mixture.local.m[index] - mixture.start[tracks]
+    way = np.where(np.isnan(way), 0.0, way)
     far = np.hypot(way[:, 0], way[:, 1]) >= params.min_travel
     return moved & set(mixture.label.tolist()) | set(mixture.label[tracks[far]].tolist())
 

@@ -6,12 +6,16 @@ References stand in :mod:`echoset.estimators.points.mbm`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from ...models.parameters import parameter
 from ...models.records import Array
+from ...models.regions import polygons
 from .clutter_map import Maps
+from .cuts import Cut
+from .edge import detection_probability, unseen
 from .kernels import births
 from .kernels.bernoulli import (
     TINY,
@@ -21,18 +25,17 @@ from .kernels.bernoulli import (
     associate,
     merge,
     missed,
-    newborn,
     nothing,
     prune,
     unite,
 )
+from .kernels.bernoulli import newborn as begun
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
-from .sensing import Look, SensorParams, detection_probability, expected, positions
+from .sensing import Look, SensorParams, innovations, log_likelihood, positions, updated
 from .source import Classes
-from .targets import TargetParams, elapse, survival
-from .targets import newborn as appearing
+from .targets import Interval, TargetParams, elapse, limit, newborn
 
 
 # Without slots: classes that have some cannot be composed.
@@ -64,7 +67,12 @@ class Params(TargetParams, SensorParams):
     min_weight: float = parameter(
         1e-4, "1", "least weight of one, relative to the best", within="(0, inf)"
     )
-    max_tracks: int = parameter(100, "1", "tracks kept", within="[1, inf)")
+    max_tracks: int | None = parameter(
+        None,
+        "1",
+        "tracks kept; null: two for each detection of a scan, at least 100, up to 1000",
+        within="[1, inf)",
+    )
     min_existence: float = parameter(
         1e-5, "1", "Bernoullis that exist less likely are dropped", within="[0, 1)"
     )
@@ -118,9 +126,14 @@ class Params(TargetParams, SensorParams):
         within="[0, inf)",
     )
 
+    regions: Any = parameter(
+        {}, "m", "regions to count targets in: name to x_min, x_max, y_min, y_max or to corners"
+    )
+
     def __post_init__(self) -> None:
         SensorParams.__post_init__(self)
         TargetParams.__post_init__(self)
+        polygons(self.regions)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,7 +142,9 @@ class State:
 
     ``undetected`` are targets no detection has told of, ``waiting`` what appeared at the last
     detections and enters with the next prediction; ``next_label`` is free. ``maps`` of persistent
-    clutter are those of the streams, ``classes`` those of the targets.
+    clutter are those of the streams, ``classes`` those of the targets; ``cut`` is the expected
+    number of targets that limits left out this time, and ``detections`` how many a scan has had
+    lately.
     """
 
     mixture: Mixture
@@ -139,6 +154,8 @@ class State:
     time_ns: int | None
     maps: Maps = field(default_factory=dict)
     classes: Classes = field(default_factory=dict)
+    cut: Cut = field(default_factory=dict)
+    detections: int = 0
 
 
 def init() -> State:
@@ -146,95 +163,105 @@ def init() -> State:
     return State(nothing(4), births.none(), births.none(), 0, None)
 
 
-def predict(state: State, params: Params, time_ns: int) -> tuple[State, float, Array, Array]:
-    """The state at ``time_ns`` with what may have appeared, and in how many steps it did; F, Q.
+def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval]:
+    """The state at ``time_ns`` with what may have appeared, and the interval since.
 
     Raises
     ------
     InputError : the time goes back
     """
-    dt, count, F, Q = elapse(params, state.time_ns, time_ns)
+    gone = elapse(params, state.time_ns, time_ns)
     a = state.mixture.local
-    m, P = gaussians.predict(a.m, a.P, F, Q)
+    m, P, known = gone.predict(a.m, a.P)
     change = params.hide_rate + params.show_rate
     settled = params.show_rate / change if change else 1.0
     local = Bernoullis(
-        a.r * survival(params, a.m, dt),
+        np.where(known, a.r * gone.survival(params, a.m), 0.0),
         m,
-        P,
-        settled + (a.visible - settled) * np.exp(-change * dt),
-        a.unseen + dt,
+        np.where(known[:, None, None], P, np.eye(4)),
+        settled + (a.visible - settled) * np.exp(-change * gone.dt),
+        a.unseen + gone.dt,
         np.arange(len(a)),
     )
-    state = replace(state, mixture=replace(state.mixture, local=local), time_ns=time_ns)
-    w, m, P = state.waiting
-    waiting = np.minimum(count * w, 1.0), *gaussians.predict(m, P, F, Q)
-    new = births.join(waiting, appearing(params, count))
+    state = replace(state, mixture=replace(state.mixture, local=local), time_ns=time_ns, cut={})
+    new = births.join(_moved(state.waiting, params, gone), newborn(params, gone))
     state = replace(state, waiting=births.none())
     if params.poisson:
-        w, m, P = state.undetected
-        old = w * survival(params, m, dt), *gaussians.predict(m, P, F, Q)
-        return replace(state, undetected=births.join(old, new)), count, F, Q
-    certain = np.ones((len(state.mixture.w), len(new[0])), bool)
-    return _begin(state, newborn(*new), certain), count, F, Q
+        old = _moved(state.undetected, params, gone)
+        return replace(state, undetected=births.join(old, new)), gone
+    w, m, P = births.at_most_one(*new)
+    certain = np.ones((len(state.mixture.w), len(w)), bool)
+    state = _begin(state, begun(w, m, P), certain)
+    # A track begins where it is first detected, which is known only then.
+    start = state.mixture.start.copy()
+    start[len(start) - len(w) :] = np.nan
+    return replace(state, mixture=replace(state.mixture, start=start)), gone
 
 
-def update(state: State, seen: Look, params: Params, even: Array) -> State:
-    """The state given a scan.
+def update(
+    state: State, seen: Look, params: Params, own: SensorParams, even: Array
+) -> tuple[State, Array]:
+    """The state given a scan, and how probably (n,) no known target made the detections.
 
-    ``even`` (n,) is the density of undetected targets that may be anywhere, at the detections.
+    ``own`` holds for the sensor, and ``even`` (n,) is the density at the detections of undetected
+    targets that may be anywhere.
 
     Raises
     ------
     EstimatorError : no hypothesis is possible
     """
     a = state.mixture.local
-    z_hat, C, S = expected(seen, a.m, a.P, params.unscented)
-    S = S[:, None] + seen.R
-    log_l = gaussians.log_likelihood(seen.z, z_hat, S, seen.period, params.gate)
-    p = detection_probability(seen, a.m, a.P, params.fov_mass)
-    undetected, (new, m_new, P_new) = _first_detections(state.undetected, seen, params, even)
+    z_hat, C, S = innovations(seen, a.m, a.P, own.unscented)
+    log_hit = log_likelihood(seen, z_hat, S, params.gate)
+    p, m_missed, P_missed = unseen(seen, a.m, a.P, a.visible, own.fov_mass)
+    with np.errstate(divide="ignore"):
+        log_hit += np.log(_found(seen, own, a, p, log_hit, z_hat, C, S) * a.visible[:, None])
+    undetected, (new, m_new, P_new) = _first_detections(state.undetected, seen, params, own, even)
     free = np.maximum(seen.clutter + new, TINY)
     found = associate(
         state.mixture,
-        log_l,
+        log_hit,
         p * a.visible,
         np.log(free),
         params.max_hypotheses,
         -np.log(params.min_weight),
     )
-    local = missed(a, p).take(found.prior)
+    local = missed(replace(a, m=m_missed, P=P_missed), p).take(found.prior)
     hit = np.flatnonzero(found.detection >= 0)
     i, l = found.detection[hit], found.prior[hit]
-    S = S[l, 0 if S.shape[1] == 1 else i]
-    K, local.P[hit] = gaussians.gain(a.P[l], np.ascontiguousarray(C[l]), S)
-    local.m[hit] = gaussians.correct(a.m[l], K, seen.z[i], z_hat[l], seen.period)
+    local.m[hit], local.P[hit] = updated(seen, a.m, a.P, z_hat, C, S, l, i)
     local.r[hit] = local.visible[hit] = 1.0
     local.unseen[hit] = 0.0
-    mixture = replace(state.mixture, local=local, w=found.w, table=found.table)
-    waiting = births.join(state.waiting, _born(seen, params, found.w @ found.free))
-    state = replace(state, mixture=mixture, undetected=undetected, waiting=waiting)
+    start, best = state.mixture.start.copy(), found.table[0]
+    first = np.flatnonzero((best >= 0) & np.isnan(start[:, 0]))
+    first = first[found.detection[best[first]] >= 0]
+    start[first] = local.m[best[first]]
+    mixture = replace(state.mixture, local=local, start=start, w=found.w, table=found.table)
+    state = replace(state, mixture=mixture, undetected=undetected)
     r = new / free
-    begun = np.flatnonzero(r > params.min_existence)
-    return _begin(state, newborn(r[begun], m_new[begun], P_new[begun]), found.free[:, begun])
+    some = np.flatnonzero(r > params.min_existence)
+    state = _begin(state, begun(r[some], m_new[some], P_new[some]), found.free[:, some])
+    return state, found.w @ found.free
 
 
-def reduce(state: State, params: Params) -> State:
+def reduce(state: State, params: Params, detections: int = 0) -> State:
     """Prune, merge and cap tracks, hypotheses and undetected targets."""
-    a = state.mixture.local
+    a, most = state.mixture.local, limit(params.max_tracks, detections, 2, 100)
     given_up = a.unseen > (params.max_coast or np.inf)
     mixture = replace(state.mixture, local=replace(a, r=np.where(given_up, 0.0, a.r)))
     if params.merge_distance:
         mixture = merge(mixture, params.merge_distance, params.merge_existence)
-    mixture = prune(mixture, params.min_existence, params.max_tracks)
+    mixture, lost = prune(mixture, params.min_existence, most)
     if params.unite_distance:
         mixture = unite(mixture, params.unite_distance)
     w, m, P = state.undetected
-    kept = strongest(w, params.min_existence, params.max_tracks)
+    kept = strongest(w, m, params.min_existence, most)
+    lost += max(float(w[w > params.min_existence].sum() - w[kept].sum()), 0.0)
     w, m, P = w[kept], m[kept], P[kept]
     if params.merge_distance:
         w, m, P, _ = gaussians.merge(w, m, P, P, params.merge_distance)
-    return replace(state, mixture=mixture, undetected=(w, m, P))
+    cut = {**state.cut, "max_tracks": state.cut.get("max_tracks", 0.0) + lost}
+    return replace(state, mixture=mixture, undetected=(w, m, P), cut=cut)
 
 
 def _begin(state: State, new: Bernoullis, free: Array) -> State:
@@ -247,18 +274,31 @@ def _begin(state: State, new: Bernoullis, free: Array) -> State:
     )
 
 
-def _born(seen: Look, params: Params, novelty: Array) -> births.Components:
-    """What may have appeared at the detections, to enter with the next prediction."""
-    if params.poisson or params.birth != "detections":
-        return births.none()
-    std = np.array(params.birth_std_velocity)
-    return births.at_detections(
-        params.birth_rate, *positions(seen), novelty, std, params.max_births
-    )
+def _moved(old: births.Components, params: Params, gone: Interval) -> births.Components:
+    """What was there before and is still, at its new place."""
+    w, m, P = old
+    w = w * gone.survival(params, m)
+    m, P, known = gone.predict(m, P)
+    return w[known], m[known], P[known]
+
+
+def _found(
+    seen: Look, own: SensorParams, a: Bernoullis, p: Array,
+    log_l: Array, z_hat: Array, C: Array, S: Array,
+) -> Array:  # fmt: skip
+    """Probability of detection (L, 1 or n) by each detection: the mass in view once updated."""
+    partial = (p > 0) & (p < seen.p_detect)
+    if not partial.any():
+        return p[:, None]
+    found = np.repeat(p[:, None], log_l.shape[1], axis=1)
+    l, i = np.nonzero((log_l > -np.inf) & partial[:, None])
+    m, P = updated(seen, a.m, a.P, z_hat, C, S, l, i)
+    found[l, i] = detection_probability(seen, m, P, own.fov_mass)
+    return found
 
 
 def _first_detections(
-    undetected: births.Components, seen: Look, params: Params, even: Array
+    undetected: births.Components, seen: Look, params: Params, own: SensorParams, even: Array
 ) -> tuple[births.Components, tuple[Array, Array, Array]]:
     """The undetected targets that stay so, and what the detections say if they are the first."""
     where, R = positions(seen)
@@ -266,19 +306,18 @@ def _first_detections(
     std = np.array(params.birth_std_velocity)
     m_even, P_even = np.hstack((where, np.zeros((n, 2)))), np.zeros((n, 4, 4))
     P_even[:, :2, :2], P_even[:, 2:, 2:] = R, np.diag(std**2)
-    inside = detection_probability(seen, m_even, P_even, False) > 0
-    even = even * inside
+    even = even * (detection_probability(seen, m_even, P_even, False) > 0)
     w, m, P = undetected
     if not len(w):
         return undetected, (even, m_even, P_even)
-    z_hat, C, S = expected(seen, m, P, params.unscented)
-    S = np.broadcast_to(S[:, None] + seen.R, (len(w), n, 2, 2))
-    p = detection_probability(seen, m, P, params.fov_mass)
+    z_hat, C, S = innovations(seen, m, P, own.unscented)
+    p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
     density = np.zeros((len(w) + 1, n))
-    log_l = gaussians.log_likelihood(seen.z, z_hat, S, seen.period, params.gate)
+    log_l = log_likelihood(seen, z_hat, S, params.gate)
     density[:-1], density[-1] = (p * w)[:, None] * np.exp(log_l), even
     j, i = np.nonzero(density[:-1])
     m_all, P_all = np.tile(m_even, (len(density), 1, 1)), np.tile(P_even, (len(density), 1, 1, 1))
-    K, P_all[j, i] = gaussians.gain(P[j], C[j], S[j, i])
-    m_all[j, i] = gaussians.correct(m[j], K, seen.z[i], z_hat[j], seen.period)
-    return (w * (1 - p), m, P), first_detections(density, m_all, P_all)
+    m_all[j, i], P_all[j, i] = updated(seen, m, P, z_hat, C, S, j, i)
+    known = np.maximum(p[j], TINY)
+    density[j, i] *= detection_probability(seen, m_all[j, i], P_all[j, i], own.fov_mass) / known
+    return (w * (1 - p), m_missed, P_missed), first_detections(density, m_all, P_all)

@@ -8,40 +8,49 @@ A component keeps the label of the birth that it goes back to.
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
-from ...models.errors import EstimatorError, InputError
+from ...models.errors import EstimatorError
 from ...models.parameters import parameter
 from ...models.records import Array, Estimates, Objects, Recording, Scan
 from ...models.regions import polygons, statistics
 from .clutter_map import Maps, learnt, persistent
+from .cuts import Cut, Told
+from .edge import detection_probability, unseen
 from .kernels import births
+from .kernels.association import marginals
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .sensing import (
     Look,
     SensorParams,
-    detection_probability,
-    expected,
+    at_once,
+    count,
+    innovations,
+    log_likelihood,
     looks,
-    per_stream,
-    positions,
+    updated,
 )
-from .source import MADE, Classes, Nothing, Source, recognised
-from .targets import TargetParams, elapse, newborn, survival
+from .source import Classes, Nothing, Source, recognised
+from .streams import per_stream
+from .targets import Interval, TargetParams, born, elapse, limit, newborn, settled, within
 
+TINY = 1e-300
+"""Least density that a weight is divided by."""
+EXPLAINED = 0.05
+"""Share of a component that detections have taken, from which on the rest stays where it is."""
+SURE = 1e-12
+"""Least probability that a target is missed."""
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
 CROWD = 5000
-"""Detections of a scan above which a warning says so; updated components that are looked at."""
+"""Updated components that are looked at."""
 NEGLIGIBLE = 1e-9
 """Weight below which a pair adds nothing to a region."""
-_log = logging.getLogger(__name__)
 
 
 # Without slots: classes that have some cannot be composed.
@@ -67,7 +76,12 @@ class Params(TargetParams, SensorParams):
         "strongest's own: vague components stay apart) or none (Euclidean, m and m s-1)",
         within=("candidate", "leader", "none"),
     )
-    max_components: int = parameter(100, "1", "components kept", within="[1, inf)")
+    max_components: int | None = parameter(
+        None,
+        "1",
+        "components kept; null: three for each detection of a time, at least 100, up to 1000",
+        within="[1, inf)",
+    )
     cap_before_merge: bool = parameter(False, "1", "cap, then merge; not merge, then cap")
     extraction: str = parameter(
         "weight",
@@ -120,7 +134,8 @@ class State:
 
     ``waiting`` appeared at the last detections and enters with the next prediction;
     ``next_label`` is free. ``maps`` of persistent clutter are those of the streams, ``classes``
-    those of the targets.
+    those of the targets; ``cut`` is the expected number of targets that limits left out this time,
+    and ``detections`` how many a time has had lately.
     """
 
     mixture: Mixture
@@ -129,20 +144,25 @@ class State:
     time_ns: int | None
     maps: Maps = field(default_factory=dict)
     classes: Classes = field(default_factory=dict)
+    cut: Cut = field(default_factory=dict)
+    detections: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """The updated mixture before reduction, and of which detection (J,) each component is.
+    """The updated mixture before reduction, and to which detected target (J,) each component is.
 
-    -1 where the target was missed. ``missed`` is the weight that was missed and ``q`` (n,) that of
-    each detection, components too light for the mixture included.
+    -1 where all looks have missed. ``missed`` is the weight of these and ``q`` (T,) the existence
+    of the others, components too light for the mixture included; with one look there is one of them
+    for each detection. ``novelty`` (n,) tells of each look how probably no target that was known
+    made the detections.
     """
 
     mixture: Mixture
     detection: Array
     missed: float
     q: Array
+    novelty: tuple[Array, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +181,8 @@ class Context:
     @staticmethod
     def of(setup: Recording, params: Params, source: Source | None = None) -> Context:
         """The context of a recording."""
-        sensing = per_stream(params, setup) | {MADE: params}
+        params = settled(params, setup)
+        sensing = per_stream(params, setup)
         return Context(setup, params, sensing, polygons(params.regions), source or Nothing())
 
 
@@ -170,7 +191,7 @@ def init() -> State:
     return State(Mixture(*births.none(), np.zeros(0, np.int64)), births.none(), 0, None)
 
 
-def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Array]:
+def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Array, Interval]:
     """The mixture at ``time_ns`` with what may have appeared (eqs. 22-29), and which of it did.
 
     Births at detections appeared at the last scan and move; others stand where they are expected.
@@ -179,63 +200,140 @@ def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Ar
     ------
     InputError : the time goes back
     """
-    dt, count, F, Q = elapse(params, state.time_ns, time_ns)
+    gone = elapse(params, state.time_ns, time_ns)
     old, (w, m, P) = state.mixture, state.waiting
-    w = np.concatenate((old.w * survival(params, old.m, dt), np.minimum(count * w, 1.0)))
-    m, P = gaussians.predict(np.concatenate((old.m, m)), np.concatenate((old.P, P)), F, Q)
-    w, m, P = births.join((w, m, P), newborn(params, count))
-    known, J = len(old.w), len(w)
-    free = state.next_label + np.arange(J - known)
-    mixture = Mixture(w, m, P, np.concatenate((old.label, free)))
-    free_from = state.next_label + J - known
+    w, m, P = np.concatenate((old.w, w)), np.concatenate((old.m, m)), np.concatenate((old.P, P))
+    w = w * gone.survival(params, m)
+    m, P, known = gone.predict(m, P)
+    label = np.concatenate((old.label, state.next_label + np.arange(len(w) - len(old.w))))
+    is_new = np.arange(len(w)) >= len(old.w)
+    new = newborn(params, gone)
+    w, m, P = births.join((w[known], m[known], P[known]), new)
+    first = state.next_label + len(label) - len(old.w)
+    label = np.concatenate((label[known], first + np.arange(len(new[0]))))
+    is_new = np.concatenate((is_new[known], np.ones(len(new[0]), bool)))
     predicted = replace(
-        state, mixture=mixture, waiting=births.none(), next_label=free_from, time_ns=time_ns
+        state,
+        mixture=Mixture(w, m, P, label),
+        waiting=births.none(),
+        next_label=first + len(new[0]),
+        time_ns=time_ns,
+        cut={},
     )
-    return predicted, np.arange(J) >= known
+    return predicted, is_new, gone
 
 
-def update(mixture: Mixture, seen: Look, params: Params, is_new: Array) -> Posterior:
-    """The mixture given a scan (eqs. 30-37), for any linear or linearised measurement."""
-    w, m, P = mixture.w, mixture.m, mixture.P
-    z_hat, C, S = expected(seen, m, P, params.unscented)
-    S = S[:, None] + seen.R
-    p = detection_probability(seen, m, P, params.fov_mass)
-    log_l = gaussians.log_likelihood(seen.z, z_hat, S, seen.period, params.gate)
-    g = (p * w)[:, None] * np.exp(log_l)
-    norm = seen.clutter + g.sum(0)
-    g /= np.where(norm > 0, norm, 1.0)
+def update(
+    mixture: Mixture, looks: Sequence[tuple[Look, SensorParams]], params: Params, is_new: Array
+) -> Posterior:
+    """The mixture given the looks of one time, in any order (eqs. 30-37 for one look).
 
-    missed = (1 - p) * w
-    if params.drop_missed_births:
-        missed[is_new] = 0.0
+    The intensity of the posterior of all looks: a target that none has detected stays a part of
+    the Poisson process, one that the first of them has is a Bernoulli, which the others miss or
+    detect. R. Mahler, "The multisensor PHD filter: I. General solution via multitarget calculus",
+    SPIE 7336 (2009); the sum over partitions by :func:`.kernels.association.marginals`.
+    """
+    x, target, q = mixture, np.full(len(mixture.w), -1), np.zeros(0)
     counted = params.keep or params.regions
     least = min(params.prune_weight, NEGLIGIBLE) if counted else params.prune_weight
+    taken, missed = [], float(mixture.w.sum())
+    for seen, own in looks:
+        found = _corrected(x, target, q, seen, own, params.gate, least)
+        x, target, q, missed, by_others, source = found
+        is_new = is_new[source]
+        taken.append(by_others)
+    if params.drop_missed_births:
+        late = (target < 0) & is_new
+        missed -= float(x.w[late].sum())
+        x, target = x.take(~late), target[~late]
+    first = len(q) - np.cumsum([len(t) for t in taken[::-1]])[::-1]
+    novelty = tuple(1 - t - q[f : f + len(t)] for t, f in zip(taken, first.tolist(), strict=True))
+    return Posterior(x, target, missed, q, novelty)
+
+
+def _corrected(
+    x: Mixture, target: Array, q: Array, seen: Look, own: SensorParams, gate: float, least: float
+) -> tuple[Mixture, Array, Array, float, Array, Array]:
+    """The mixture after one of the looks of a time.
+
+    Components are of the Poisson process (``target`` (J,) -1), or of Bernoullis with existence
+    ``q`` (T,). Returned are the same for the components above ``least``, detections (n,) having
+    begun one more Bernoulli each; then the Poisson weight, the probability (n,) that one of the
+    earlier Bernoullis made the detections, and from which (J',) each component came.
+    """
+    w, m, P, T, n = x.w, x.m, x.P, len(q), len(seen.z)
+    z_hat, C, S = innovations(seen, m, P, own.unscented)
+    p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
+    hit = w[:, None] * np.exp(log_likelihood(seen, z_hat, S, gate))
+    hit *= _found(seen, own, x, z_hat, C, S, hit, p)
+    free = target < 0
+    none = seen.clutter + hit[free].sum(0)
+    share = 1 / np.where(none > 0, none, 1.0)
+    begun = hit[free].sum(0) * share
+    by_others = np.zeros(n)
+    # Weights of components, and of pairs of them with detections, as the target would have them.
+    missed, weight = (1 - p) * w, hit * share
+    if T:
+        j, i = np.nonzero(hit * ~free[:, None])
+        pair, of = np.unique(target[j] * n + i, return_inverse=True)
+        t, z = pair // n, pair % n
+        sum_hit = np.bincount(of, hit[j, i], len(pair))
+        miss = np.maximum(1 - np.bincount(target[~free], (w * p)[~free], T), SURE)
+        taken, left = marginals(t, z, sum_hit / (miss[t] * np.maximum(none[z], TINY)), T, n)
+        by_others = np.minimum(np.bincount(z, taken, n), 1.0)
+        q = np.clip(left * (q - 1 + miss) / miss + np.bincount(t, taken, T), 0.0, 1.0)
+        missed[~free] *= (left / miss)[target[~free]]
+        weight *= 1 - by_others
+        weight[j, i] = hit[j, i] * (taken / sum_hit)[of]
+        begun = begun * (1 - by_others)
+    # Of a target that has been detected no part moves out of view, to be counted beside it.
+    explained = weight.sum(1) > EXPLAINED * w
+    m_missed, P_missed = (
+        np.where(explained.reshape(-1, *[1] * (a.ndim - 1)), a, b)
+        for a, b in ((m, m_missed), (P, P_missed))
+    )
     kept = np.flatnonzero(missed > least)
-    j, i = np.nonzero(g > least)
-    if S.shape[1] == 1:
-        K, P_new = gaussians.gain(P, C, S[:, 0])
-        K, P_new = K[j], P_new[j]
-    else:
-        K, P_new = gaussians.gain(P[j], C[j], S[j, i])
-    m_new = gaussians.correct(m[j], K, seen.z[i], z_hat[j], seen.period)
-    posterior = Mixture(
-        np.concatenate((missed[kept], g[j, i])),
-        np.concatenate((m[kept], m_new)),
-        np.concatenate((P[kept], P_new)),
-        np.concatenate((mixture.label[kept], mixture.label[j])),
+    j, i = np.nonzero(weight > least)
+    m_new, P_new = updated(seen, m, P, z_hat, C, S, j, i)
+    source = np.concatenate((kept, j))
+    after = Mixture(
+        np.concatenate((missed[kept], weight[j, i])),
+        np.concatenate((m_missed[kept], m_new)),
+        np.concatenate((P_missed[kept], P_new)),
+        x.label[source],
     )
-    detection = np.concatenate((np.full(len(kept), -1), i))
-    return Posterior(posterior, detection, float(missed.sum()), g.sum(0))
+    of = np.concatenate((target[kept], np.where(free[j], T + i, target[j])))
+    return after, of, np.concatenate((q, begun)), float(missed[free].sum()), by_others, source
 
 
-def reduce(mixture: Mixture, params: Params) -> Mixture:
-    """Prune, merge and cap the mixture (table II)."""
-    cap = params.max_components
-    x = mixture.take(
-        strongest(
-            mixture.w, params.prune_weight, cap if params.cap_before_merge else max(cap, CROWD)
-        )
-    )
+def _found(
+    seen: Look,
+    own: SensorParams,
+    x: Mixture,
+    z_hat: Array,
+    C: Array,
+    S: Array,
+    hit: Array,
+    p: Array,
+) -> Array:
+    """Probability of detection (J, 1 or n) by each detection: the mass in view once updated."""
+    partial = (p > 0) & (p < seen.p_detect)
+    if not partial.any():
+        return p[:, None]
+    found = np.repeat(p[:, None], hit.shape[1], axis=1)
+    j, i = np.nonzero(hit * partial[:, None])
+    m, P = updated(seen, x.m, x.P, z_hat, C, S, j, i)
+    found[j, i] = detection_probability(seen, m, P, own.fov_mass)
+    return found
+
+
+def reduce(mixture: Mixture, params: Params, detections: int = 0) -> tuple[Mixture, float]:
+    """Prune, merge and cap the mixture (table II), and the weight that the cap cut."""
+    cap = limit(params.max_components, detections, 3, 100)
+    at_once = cap if params.cap_before_merge else max(cap, CROWD)
+    left = mixture.w[mixture.w > params.prune_weight].sum()
+    x = mixture.take(strongest(mixture.w, mixture.m, params.prune_weight, at_once))
+    cut = left - x.w.sum()
     none = params.merge_by == "none"
     scale = np.tile(np.eye(x.m.shape[1]), (len(x.w), 1, 1)) if none else x.P
     w, m, P, leader = gaussians.merge(
@@ -243,7 +341,9 @@ def reduce(mixture: Mixture, params: Params) -> Mixture:
     )
     if params.cap_merged_weight:
         w = np.minimum(w, 1.0)
-    return Mixture(w, m, P, x.label[leader]).take(strongest(w, 0.0, cap))
+    kept = strongest(w, m, 0.0, cap)
+    cut += w.sum() - w[kept].sum()
+    return Mixture(w, m, P, x.label[leader]).take(kept), max(float(cut), 0.0)
 
 
 def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:
@@ -260,7 +360,7 @@ def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:
 
 
 def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, Estimates]:
-    """The state after the ``scans`` of one time, taken one after the other, and what it says.
+    """The state after the ``scans`` of one time, in any order, and what it says.
 
     A source follows the targets that were extracted before.
 
@@ -269,34 +369,44 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     EstimatorError : the weights are not finite
     """
-    params, together = context.params, list(scans)
-    time_ns = together[0].time_ns
-    names = [scan.stream for scan in together]
-    if len(set(names)) < len(names):
-        raise InputError(f"scans at {time_ns} ns: two of one stream")
+    params, together = context.params, at_once(scans)
     followed, _ = extract(state.mixture, params)
-    state, is_new = predict(state, params, time_ns)
     x, source = state.mixture.take(followed), context.source
-    sight = source.see(together, x.label, x.m[:, :2], state.classes)
-    for scan, seen in looks(together, sight, context.setup, context.sensing, source.region):
-        own = context.sensing[scan.stream]
-        if len(seen.z) > CROWD:
-            _log.warning("scan of %s at %d ns: %d detections", scan.stream, time_ns, len(seen.z))
-        clutter = seen.clutter + persistent(state.maps, scan.stream, seen, own)
-        posterior = update(state.mixture, replace(seen, clutter=clutter), own, is_new)
-        mixture = reduce(posterior.mixture, params)
-        is_new = np.zeros(len(mixture.w), bool)
-        born = births.join(state.waiting, _born(posterior, seen, params))
-        maps = learnt(state.maps, scan, seen, own)
-        state = replace(state, mixture=mixture, waiting=born, maps=maps)
+    state, is_new, gone = predict(state, params, together[0].time_ns)
+    where = x.m[:, :2] + gone.dt * x.m[:, 2:]
+    sight = source.see(together, x.label, where, state.classes)
+    shown = [*looks(together, sight, context.setup, context.sensing, source.region, within(params))]
+    seen = [
+        (replace(s, clutter=s.clutter + persistent(state.maps, scan.stream, s, own)), own)
+        for scan, s in shown
+        for own in [context.sensing[scan.stream]]
+    ]
+    n = sum(len(s.z) for s, _ in seen)
+    posterior = update(state.mixture, seen, params, is_new)
     numbers = _numbers(posterior, context.regions)
+    mixture, lost = reduce(posterior.mixture, params, max(n, state.detections))
+    waiting, unborn = born(params, [s for s, _ in seen], posterior.novelty, gone)
+    cut = {"max_components": lost, "max_births": unborn}
     if params.keep:
-        numbers |= _kept(posterior, params.keep_components)
+        kept, cut["keep_components"] = _kept(posterior, params.keep_components)
+        numbers |= kept
+    maps = state.maps
+    for scan, s in shown:
+        maps = learnt(maps, scan, s, context.sensing[scan.stream])
+    state = replace(
+        state,
+        mixture=mixture,
+        waiting=waiting,
+        maps=maps,
+        cut=cut,
+        detections=max(n, state.detections // 2),
+    )
     state, objects = _objects(state, params)
     alive, where = state.mixture.label, objects.state[:, :2]
     classes = recognised(sight, objects.label, where, alive, state.classes)
     state, objects = replace(state, classes=classes), source.named(objects, classes)
     numbers["components"] = np.array([len(state.mixture.w)])
+    numbers["cut"] = np.array([lost + unborn])
     return state, Estimates(context.setup.meta, objects, numbers)
 
 
@@ -315,21 +425,12 @@ def estimate(
 
 def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
     """:func:`estimate` in a context of the caller's."""
-    state = init()
-    for _, together in groupby(context.source.used(scans), key=lambda scan: scan.time_ns):
+    state, told = init(), Told()
+    for time_ns, group in groupby(context.source.used(scans), key=lambda scan: scan.time_ns):
+        together = list(group)
         state, estimates = step(state, together, context)
+        told.warn(state.cut, time_ns, count(together))
         yield estimates
-
-
-def _born(posterior: Posterior, seen: Look, params: Params) -> births.Components:
-    """Components that may have appeared at the detections."""
-    if params.birth != "detections":
-        return births.none()
-    std = np.array(params.birth_std_velocity)
-    novelty = np.clip(1 - posterior.q, 0.0, 1.0)
-    return births.at_detections(
-        params.birth_rate, *positions(seen), novelty, std, params.max_births
-    )
 
 
 def _numbers(posterior: Posterior, regions: Mapping[str, Array]) -> dict[str, Array]:
@@ -344,16 +445,20 @@ def _numbers(posterior: Posterior, regions: Mapping[str, Array]) -> dict[str, Ar
     return {key: np.array([value]) for key, value in found.items()}
 
 
-def _kept(posterior: Posterior, count: int) -> dict[str, Array]:
-    """The strongest ``count`` components before reduction, zeros where there are fewer."""
-    strong = strongest(posterior.mixture.w, 0.0, count)
+def _kept(posterior: Posterior, count: int) -> tuple[dict[str, Array], float]:
+    """The strongest ``count`` components before reduction, zeros where there are fewer.
+
+    Then the weight of the others.
+    """
+    strong = strongest(posterior.mixture.w, posterior.mixture.m, 0.0, count)
     x, empty = posterior.mixture.take(strong), count - len(strong)
     columns = {"weight": x.w, "mean": x.m, "covariance": x.P}
     columns["detection"] = posterior.detection[strong]
-    return {
+    padded = {
         f"mixture_{key}": np.pad(v, [(0, empty), *[(0, 0)] * (v.ndim - 1)])[None]
         for key, v in columns.items()
     }
+    return padded, max(float(posterior.mixture.w.sum() - x.w.sum()), 0.0)
 
 
 def _objects(state: State, params: Params) -> tuple[State, Objects]:

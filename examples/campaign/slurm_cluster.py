@@ -31,7 +31,8 @@ def main() -> int:
         memory=args.memory,
         walltime=args.walltime,
         interface=args.interface,
-        job_script_prologue=["export OMP_NUM_THREADS=1"],
+        # Workers would else import whatever lies in the folder that they are started in.
+        job_script_prologue=["export OMP_NUM_THREADS=1 PYTHONSAFEPATH=1"],
         scheduler_options={"dashboard": False},
     ) as cluster:
         cluster.adapt(minimum_jobs=args.jobs, maximum_jobs=args.jobs)

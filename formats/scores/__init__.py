@@ -17,9 +17,19 @@ import numpy as np
 
 from ...models.errors import FormatError, ParameterError
 from ...models.records import Scores
-from ...models.words import Words, words
+from ...models.runs import Runs
 from ..plain_json import json_object
-from .text import COLUMNS, NAMES, NUMBERS, from_csv, from_json, to_csv, to_json
+from .text import (
+    COLUMNS,
+    NAMES,
+    NUMBERS,
+    first_bad_byte,
+    from_csv,
+    from_json,
+    lines,
+    to_csv,
+    to_json,
+)
 
 SUFFIXES = {".csv": "csv", ".json": "json", ".h5": "h5", ".hdf5": "h5"}
 Target = Path | IO[bytes]
@@ -55,19 +65,33 @@ def read(source: Target, path: object = None) -> Scores:
     """
     path = path if path is not None else source if isinstance(source, Path) else "<stream>"
     try:
-        data = source.read_bytes() if isinstance(source, Path) else source.read()
+        with source.open("rb") if isinstance(source, Path) else io.BytesIO(source.read()) as file:
+            scores = _read(file, path)
     except OSError as error:
         raise FormatError(path, "", error.strerror or str(error)) from error
-    if data.startswith(_HDF5):
-        scores = _read_h5(data, path)
-    else:
-        try:
-            text = data.decode()
-        except UnicodeDecodeError as error:
-            raise FormatError(path, f"byte {error.start}", "not UTF-8 text") from None
-        scores = (from_json if text.lstrip()[:1] == "{" else from_csv)(text, path)
     _check(scores, path)
     return scores
+
+
+def _read(file: IO[bytes], path: object) -> Scores:
+    """Scores of the format that the first bytes tell; a CSV file is read line by line."""
+    start = file.read(len(_HDF5))
+    if start == _HDF5:
+        return _read_h5(start + file.read(), path)
+    while start.isspace():
+        start = file.read(1)
+    file.seek(0)
+    text = io.TextIOWrapper(file, "utf-8", newline="")
+    try:
+        if start.lstrip().startswith(b"{"):
+            return from_json(text.read(), path)
+        return from_csv(lines(text, path), path)
+    except UnicodeDecodeError:
+        file.seek(0)
+        place = first_bad_byte(file)
+        raise FormatError(path, f"byte {place}", "not UTF-8 text") from None
+    finally:
+        text.detach()
 
 
 def _check(scores: Scores, path: object) -> None:
@@ -104,7 +128,7 @@ def _to_h5(scores: Scores) -> Iterator[bytes]:
         out.put("names", json.dumps(lists))
         for name in NAMES:
             index = {text: i for i, text in enumerate(lists[name])}
-            runs = [(index[text], count) for text, count in words(getattr(scores, name)).runs()]
+            runs = [(index[text], count) for text, count in Runs.of(getattr(scores, name)).runs()]
             numbers, counts = np.array(runs, np.int64).reshape(-1, 2).T
             out.put(name, np.repeat(numbers, counts).astype(np.int32))
         for name in NUMBERS:
@@ -137,11 +161,11 @@ def _read_h5(data: bytes, path: object) -> Scores:
         raise FormatError(path, "columns", f"not a table of scores: {error}") from None
 
 
-def _named(names: list[str], index: np.ndarray[Any, Any]) -> Words:
+def _named(names: list[str], index: np.ndarray[Any, Any]) -> Runs:
     """The names at ``index`` (m,)."""
     if index.dtype != np.int32 or index.min(initial=0) < 0:
         raise ValueError("names are not given by indices")
-    return words(str(names[i]) for i in index)
+    return Runs.of(str(names[i]) for i in index)
 
 
 _WRITERS = {"csv": to_csv, "json": to_json, "h5": _to_h5}

@@ -8,14 +8,16 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator
-from itertools import islice
-from typing import Any, NoReturn
+from dataclasses import replace
+from itertools import chain, count, islice
+from sys import intern
+from typing import IO, Any, NoReturn
 
 import numpy as np
 
 from ...models.errors import FormatError
 from ...models.records import Scores
-from ...models.words import words
+from ...models.runs import Runs
 from ..plain_json import json_object
 
 NAMES = ("recording", "estimator", "metric", "part")
@@ -26,6 +28,8 @@ _COMMENT = "# provenance: "
 _INTEGER = re.compile(r"\d{1,18}", re.ASCII)
 _FLOAT = re.compile(r"-?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _BLOCK = 1 << 14
+_LONGEST = 1 << 26
+"""Characters of a line, which may hold the provenance of many files."""
 _LARGEST = float(np.finfo(float).max)
 
 
@@ -48,7 +52,7 @@ def _table(rows: Iterable[tuple[Any, ...]], provenance: dict[str, Any]) -> Score
     time, value, stderr = (
         np.array([math.nan if x is None else x for x in columns[i]], float) for i in (4, 5, 7)
     )
-    recording, estimator, metric, part = map(words, columns[:4])
+    recording, estimator, metric, part = map(Runs.of, columns[:4])
     n = np.array(columns[6], np.int64)
     return Scores(recording, estimator, metric, part, time, value, n, stderr, provenance)
 
@@ -68,14 +72,36 @@ def to_csv(scores: Scores) -> Iterator[bytes]:
     yield text.getvalue().encode()
 
 
-def from_csv(text: str, path: object) -> Scores:
-    """What :func:`to_csv` wrote; FormatError with the line otherwise."""
+def lines(text: IO[str], path: object) -> Iterator[str]:
+    """The lines of ``text``, one after the other, with their ends."""
+    for number in count(1):
+        line = text.readline(_LONGEST)
+        if len(line) == _LONGEST:
+            raise FormatError(path, f"line {number}", "is too long to be one of scores")
+        if not line:
+            return
+        yield line
+
+
+def first_bad_byte(file: IO[bytes]) -> int:
+    """Where the bytes of ``file`` stop to be UTF-8."""
+    try:
+        file.read().decode()
+    except UnicodeDecodeError as error:
+        return error.start
+    return 0
+
+
+def from_csv(text: Iterator[str], path: object) -> Scores:
+    """The table that :func:`to_csv` wrote, from its lines; FormatError with the line otherwise."""
     provenance, skipped = {}, 0
-    if text.startswith(_COMMENT):
-        comment, _, text = text.partition("\n")
-        provenance, skipped = json_object(comment.removeprefix(_COMMENT), path), 1
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    rows = []
+    start = list(islice(text, 1))
+    if start and start[0].startswith(_COMMENT):
+        comment = start.pop().removeprefix(_COMMENT).removesuffix("\n")
+        provenance, skipped = json_object(comment, path), 1
+    reader = csv.reader(chain(start, text), strict=True)
+    tables: list[Scores] = []
+    rows: list[tuple[Any, ...]] = []
 
     def fail(reason: str) -> NoReturn:
         raise FormatError(path, f"line {reader.line_num + skipped}", reason)
@@ -96,10 +122,13 @@ def from_csv(text: str, path: object) -> Scores:
             )
             if math.inf in map(abs, (time, value, stderr)):
                 fail("a number is not finite")
-            rows.append((*row[:4], time, value, int(numbers["n"]), stderr))
+            rows.append((*map(intern, row[:4]), time, value, int(numbers["n"]), stderr))
+            if len(rows) == _BLOCK:
+                tables.append(_table(rows, {}))
+                rows.clear()
     except csv.Error as error:
         fail(str(error))
-    return _table(rows, provenance)
+    return replace(Scores.join([*tables, _table(rows, {})]), provenance=provenance)
 
 
 def to_json(scores: Scores) -> Iterator[bytes]:

@@ -27,8 +27,8 @@ from ...models.parameters import parameter, require
 from ...models.poses import pose_at
 from ...models.records import Array, Estimates, Recording, Scores, Stream
 from ...models.uwb import Region, free_space_amplitude, range_std
-from ..kit.alignment import Window, interpolate, seconds
-from ..kit.table import concatenate, rows
+from ..kit.alignment import ScoredObject, interpolate, seconds
+from ..kit.table import rows
 from . import paths
 from .information import covariance_bounds, information
 
@@ -42,7 +42,7 @@ QUADRATIC = ("pcrlb",)
 
 
 @dataclass(frozen=True, slots=True)
-class Params(Window):
+class Params(ScoredObject):
     """The filter's model: measurements, transitions, prior."""
 
     TITLE = "the filter's model"
@@ -91,7 +91,7 @@ class Params(Window):
     )
 
     def __post_init__(self) -> None:
-        Window.__post_init__(self)
+        ScoredObject.__post_init__(self)
         for name in ("bias_prior", "axes_prior", "width_prior"):
             low, high = getattr(self, name)
             require(low < high, name, "low < high", (low, high))
@@ -148,7 +148,7 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
     valid = (P[:, 5, 5] <= 1.0)[inside]
     key = recording.meta.name, "", f"{name}-valid", "device"
     tables += [rows(key, time, valid), rows(key, np.nan, valid.mean(), len(valid))]
-    return concatenate(tables)
+    return Scores.join(tables)
 
 
 def _stream(recording: Recording) -> Stream:

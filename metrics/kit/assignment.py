@@ -10,18 +10,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-Array = np.ndarray[Any, Any]
+from ...models.records import Array
+
 _BLOCK = 1 << 20
 """Pairs that are looked at together."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Near:
+class CandidatePairs:
     """Pairs of rows of two ragged tables, in order: ``step first second distance`` (k,)."""
 
     step: Array
@@ -32,13 +32,13 @@ class Near:
     def __len__(self) -> int:
         return len(self.step)
 
-    def take(self, index: Array) -> Near:
+    def take(self, index: Array) -> CandidatePairs:
         """The pairs ``index``."""
         columns = (self.step, self.first, self.second, self.distance)
-        return Near(*(column[index] for column in columns))
+        return CandidatePairs(*(column[index] for column in columns))
 
 
-def near(a: Array, a_offset: Array, b: Array, b_offset: Array, cutoff: float) -> Near:
+def near(a: Array, a_offset: Array, b: Array, b_offset: Array, cutoff: float) -> CandidatePairs:
     """All pairs of points of ``a`` (m, d) and ``b`` (k, d) of one step, below ``cutoff`` apart.
 
     ``a_offset`` and ``b_offset`` (n + 1,) divide the rows into steps.
@@ -59,13 +59,13 @@ def near(a: Array, a_offset: Array, b: Array, b_offset: Array, cutoff: float) ->
             squared += (a[first, axis] - b[second, axis]) ** 2
         close = squared < cutoff**2
         first, second = first[close], second[close]
-        parts.append(Near(step[first], first, second, np.sqrt(squared[close])))
-    columns = [[getattr(p, name) for p in parts] for name in Near.__slots__]
+        parts.append(CandidatePairs(step[first], first, second, np.sqrt(squared[close])))
+    columns = [[getattr(p, name) for p in parts] for name in CandidatePairs.__slots__]
     none = (*(np.zeros(0, np.int64),) * 3, np.zeros(0))
-    return Near(*(np.concatenate([z, *c]) for z, c in zip(none, columns, strict=True)))
+    return CandidatePairs(*(np.concatenate([z, *c]) for z, c in zip(none, columns, strict=True)))
 
 
-def assign(pairs: Near, gain: Array) -> Array:
+def assign(pairs: CandidatePairs, gain: Array) -> Array:
     """Indices, in order, of the pairs (k,) that an optimal assignment chooses.
 
     They maximise the sum of ``gain`` (k,); no row is in two of them, none has a gain of 0 or less.
@@ -78,7 +78,7 @@ def assign(pairs: Near, gain: Array) -> Array:
     return np.sort(np.concatenate((good[~contested], good[contested][chosen])))
 
 
-def matched(pairs: Near, order: float, cutoff: float, steps: int) -> tuple[Array, Array]:
+def matched(pairs: CandidatePairs, order: float, cutoff: float, steps: int) -> tuple[Array, Array]:
     """Sum of ``distance ** order`` over an optimal assignment, and its pairs, per step (n,) each.
 
     Optimal for :mod:`.ospa` and for :mod:`.gospa`: a pair gains ``cutoff ** order`` less its own.
@@ -89,7 +89,23 @@ def matched(pairs: Near, order: float, cutoff: float, steps: int) -> tuple[Array
     return np.bincount(step, power[chosen], steps), np.bincount(step, minlength=steps)
 
 
-def _optimal(pairs: Near, gain: Array) -> Array:
+def ospa_parts(
+    power: Array, pairs: Array, counts: tuple[Array, Array] | Array, order: float, cutoff: float
+) -> dict[str, Array]:
+    """OSPA (n,) [m], called ``""``, and its parts, of what :func:`matched` found per step.
+
+    ``counts`` (n,) each are the numbers of true and of estimated objects.
+    """
+    m, n = np.sort(counts, axis=0)
+    size = np.maximum(n, 1)
+    localisation = (power + cutoff**order * (m - pairs)) / size
+    cardinality = cutoff**order * (n - m) / size
+    powers = {"": localisation + cardinality, "localisation": localisation}
+    powers["cardinality"] = cardinality
+    return {part: v ** (1 / order) for part, v in powers.items()}
+
+
+def _optimal(pairs: CandidatePairs, gain: Array) -> Array:
     """The same for pairs of which none stands alone."""
     if not len(pairs):
         return np.zeros(0, np.int64)

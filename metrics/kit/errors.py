@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...models.errors import InputError
-from ...models.parameters import require
+from ...models.extent import from_axes, squared_wasserstein
 from ...models.records import Array, Objects
-from .alignment import Pairs
-from .extent import gaussian_wasserstein, has_extent, shape_matrix
+from .alignment import AlignedTrack
 
 PARTS = ("device", "centre", "extent")
+PLANAR = ("circle", "ellipse")
 _PREFIX = {"device": "device_", "centre": ""}
 
 
@@ -22,21 +22,15 @@ def axes(part: str, *objects: Objects) -> tuple[str, ...]:
     return tuple(n for n in names if all(n in o.state_names for o in objects))
 
 
-def has(part: str, aligned: Pairs) -> bool:
+def has(part: str, aligned: AlignedTrack) -> bool:
     """Whether truth and estimate both have ``part``."""
     both = (aligned.estimate, aligned.truth)
     if part == "extent":
-        return all(map(has_extent, both))
+        return all(o.extent_kind in PLANAR and o.semi_axes is not None for o in both)
     return len(axes(part, *both)) >= 2
 
 
-def check_parts(asked: Sequence[str], known: Sequence[str]) -> None:
-    """Raise :class:`ParameterError` for a part that the metric does not know."""
-    for part in asked:
-        require(part in known, "parts", f"among {', '.join(known)}", part)
-
-
-def chosen(asked: Sequence[str], known: Sequence[str], aligned: Pairs) -> list[str]:
+def chosen(asked: Sequence[str], known: Sequence[str], aligned: AlignedTrack) -> list[str]:
     """The parts to score: those asked for, or else those of ``known`` that both sides have.
 
     Raises
@@ -52,21 +46,29 @@ def chosen(asked: Sequence[str], known: Sequence[str], aligned: Pairs) -> list[s
     return list(asked) or present
 
 
-def deviation(part: str, aligned: Pairs) -> Array:
+def _covariances(objects: Objects) -> Array:
+    """The covariances (m, 2, 2) [m2] with the semi-axes of the ellipses as standard deviations."""
+    assert objects.semi_axes is not None
+    axes = np.broadcast_to(objects.semi_axes[:, :2], (len(objects.semi_axes), 2))
+    rotation = np.zeros(len(axes)) if objects.rotation is None else objects.rotation
+    return from_axes(axes, rotation)
+
+
+def deviation(part: str, aligned: AlignedTrack) -> Array:
     """Estimated minus true position of ``part`` at each step, (k, 2 or 3) [m]."""
     names = axes(part, aligned.estimate, aligned.truth)
     return np.asarray(aligned.estimate.columns(*names) - aligned.truth.columns(*names))
 
 
-def error(part: str, aligned: Pairs) -> Array:
+def error(part: str, aligned: AlignedTrack) -> Array:
     """Position error, or Gaussian-Wasserstein distance of the extents, at each step (k,) [m]."""
     if part == "extent":
         both = (aligned.estimate, aligned.truth)
-        return gaussian_wasserstein(*map(shape_matrix, both))
+        return np.sqrt(squared_wasserstein(*map(_covariances, both)))
     return np.asarray(np.linalg.norm(deviation(part, aligned), axis=1))
 
 
-def errors(asked: Sequence[str], known: Sequence[str], aligned: Pairs) -> dict[str, Array]:
+def errors(asked: Sequence[str], known: Sequence[str], aligned: AlignedTrack) -> dict[str, Array]:
     """The :func:`error` (k,) of each of the :func:`chosen` parts.
 
     Raises

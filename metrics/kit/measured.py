@@ -1,8 +1,7 @@
-"""What a metric measures over some consecutive steps, so that long recordings pass in windows.
+"""Measures over some consecutive steps, so that long recordings pass in windows.
 
 A metric that goes by steps is two functions: ``measure(estimates, recording, params)`` over any
-window of them, and ``summarise(names, measured, params)`` over all that was measured. Its ``score``
-is the one after the other.
+window of them, and ``summarise(names, measured, params)`` over all that was measured.
 """
 
 from __future__ import annotations
@@ -15,8 +14,8 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array, Estimates, Recording, Scores
-from .alignment import Pairs, pair_up
-from .sets import Sets, align
+from .alignment import AlignedTrack, pair_up
+from .sets import AlignedSets, align
 
 Names = tuple[str, str]
 """Recording and estimator."""
@@ -42,7 +41,7 @@ Measure = Callable[[Estimates, Recording, Any], Measured]
 Summarise = Callable[[Names, Measured, Any], Scores]
 
 
-def of_sets(values: Callable[[Sets, Any], Mapping[str, Array]]) -> Measure:
+def of_sets(values: Callable[[AlignedSets, Any], Mapping[str, Array]]) -> Measure:
     """The measure whose values per step are those of sets."""
 
     def measure(estimates: Estimates, recording: Recording, params: Any) -> Measured:
@@ -53,7 +52,7 @@ def of_sets(values: Callable[[Sets, Any], Mapping[str, Array]]) -> Measure:
     return measure
 
 
-def of_pairs(values: Callable[[Pairs, Any], Mapping[str, Array]]) -> Measure:
+def of_track(values: Callable[[AlignedTrack, Any], Mapping[str, Array]]) -> Measure:
     """The measure whose values per step are those of one object; ``label`` lists its labels."""
 
     def measure(estimates: Estimates, recording: Recording, params: Any) -> Measured:
@@ -66,7 +65,7 @@ def of_pairs(values: Callable[[Pairs, Any], Mapping[str, Array]]) -> Measure:
 
 
 def join(parts: Sequence[Measured]) -> Measured:
-    """What was measured over consecutive windows; those without a scored step count but steps."""
+    """Consecutive windows as one; those without a scored step only count theirs as left out."""
     some = [p for p in parts if len(p)]
     left_out = sum(p.left_out for p in parts)
     if not some:
@@ -82,7 +81,7 @@ def join(parts: Sequence[Measured]) -> Measured:
 
 
 def finish(summarise: Summarise, names: Names, parts: Sequence[Measured], params: Any) -> Scores:
-    """The scores of what was measured over all windows.
+    """The scores of the measures over all windows.
 
     Raises
     ------
@@ -94,19 +93,3 @@ def finish(summarise: Summarise, names: Names, parts: Sequence[Measured], params
     if getattr(params, "object", 0) < 0 and len(labels := np.unique(whole.lists["label"])) > 1:
         raise InputError(f"{names[0]}: choose the true object by object=, one of {labels.tolist()}")
     return summarise(names, whole, params)
-
-
-def scorer(measure: Measure, summarise: Summarise) -> Callable[[Estimates, Recording, Any], Scores]:
-    """The ``score`` of a metric: all steps as one window."""
-
-    def score(estimates: Estimates, recording: Recording, params: Any) -> Scores:
-        """The scores of ``estimates`` against the truth of ``recording``.
-
-        Raises
-        ------
-        InputError : there is no truth, or it or the estimates lack what the metric needs
-        """
-        names = recording.meta.name, estimates.estimator
-        return finish(summarise, names, [measure(estimates, recording, params)], params)
-
-    return score

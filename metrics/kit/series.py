@@ -4,56 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from ...models.parameters import parameter, require
-from ...models.records import Scores
-from .alignment import Span
-from .table import Key, concatenate, rows
+from ...models.parameters import parameter
+from ...models.records import Array, Scores
+from .alignment import Scored
+from .table import Key, rows
 
-Array = np.ndarray[Any, Any]
-
-
-def _block() -> Any:
-    doc = "steps in a block of the bootstrap behind standard errors, 0 for none"
-    return parameter(50, "1", doc)
+_BLOCK = "steps in a block of the bootstrap behind standard errors, 0 for none"
 
 
 @dataclass(frozen=True, slots=True)
-class Steps(Span):
+class Steps(Scored):
     """Which steps are scored, and how the standard error of their mean is found."""
 
-    block: int = _block()
-
-    def __post_init__(self) -> None:
-        Span.__post_init__(self)
-        require(self.block >= 0, "block", "at least 0", self.block)
+    block: int = parameter(50, "1", _BLOCK, within="[0, inf)")
 
 
 @dataclass(frozen=True, slots=True)
-class Pairing(Span):
+class Pairing(Scored):
     """Which steps are scored, and which true and estimated objects belong together."""
 
-    order: float = parameter(2.0, "1", "order p: how much outliers weigh")
-    cutoff: float = parameter(10.0, "m", "cut-off c: no pair this far apart is assigned")
-
-    def __post_init__(self) -> None:
-        Span.__post_init__(self)
-        require(self.order >= 1, "order", "at least 1", self.order)
-        require(self.cutoff > 0, "cutoff", "positive", self.cutoff)
+    order: float = parameter(2.0, "1", "order p: how much outliers weigh", within="[1, inf)")
+    cutoff: float = parameter(
+        10.0, "m", "cut-off c: no pair this far apart is assigned", within="(0, inf)"
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Distance(Pairing):
     """The same, and how the standard error of their mean is found."""
 
-    block: int = _block()
-
-    def __post_init__(self) -> None:
-        Pairing.__post_init__(self)
-        require(self.block >= 0, "block", "at least 0", self.block)
+    block: int = parameter(50, "1", _BLOCK, within="[0, inf)")
 
 
 class Aligned(Protocol):
@@ -87,7 +71,7 @@ def series(key: Key, time: Array, values: Array, block: int) -> Scores:
     """``values`` (n,) at ``time`` (n,) [s] and their mean, called ``key``."""
     spread = mean_stderr(values, block)
     mean = rows(key, np.nan, values.mean(), len(values), spread)
-    return concatenate([rows(key, time, values), mean])
+    return Scores.join([rows(key, time, values), mean])
 
 
 def parts(
@@ -101,4 +85,4 @@ def parts(
     tables = [series((*key, part), aligned.time, v, block) for part, v in values.items()]
     steps = len(aligned) + aligned.left_out
     left_out = (recording, estimator, f"{metric}-left-out", "")
-    return concatenate([*tables, rows(left_out, np.nan, aligned.left_out, steps)])
+    return Scores.join([*tables, rows(left_out, np.nan, aligned.left_out, steps)])

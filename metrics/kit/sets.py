@@ -1,29 +1,26 @@
 """Estimated and true objects at the same times, as sets.
 
-At a time between two of the truth, those objects are there that stand in both, interpolated
-linearly. A step is left out, and counted, where the truth is not known: before its first time,
-after its last, or between two that are more than ``max_gap`` apart. An empty set is known.
+Every true object is interpolated between samples of its own (:func:`.alignment.at_times`). A step
+is left out, and counted, where the truth is not known: before its first time, after its last, or
+between two that are more than ``max_gap`` apart. An empty set is known.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...models.errors import InputError
-from ...models.records import Estimates, Objects, Recording
-from .alignment import Span, blend, bracket, seconds, take
-from .assignment import Near, near
+from ...models.records import Array, Estimates, Objects, Recording
+from .alignment import Scored, at_times, is_known, seconds, settle
+from .assignment import CandidatePairs, near
 from .errors import axes
-
-Array = np.ndarray[Any, Any]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sets:
-    """The scored steps at ``time`` (n,) [s]: what was there and what was estimated.
+class AlignedSets:
+    """The scored steps at ``time`` (n,) [s]: true and estimated objects.
 
     ``steps`` (n,) are their indices among those of the estimates. ``truth`` and ``estimate`` have
     n steps; ``position_truth`` (a, d) and ``position_estimate`` (b, d) [m] are the positions of
@@ -46,26 +43,26 @@ class Sets:
         """Numbers of true and of estimated objects at each step, (n,) each."""
         return np.diff(self.truth.row_offset), np.diff(self.estimate.row_offset)
 
-    def near(self, cutoff: float) -> Near:
+    def near(self, cutoff: float) -> CandidatePairs:
         """All pairs of a true (first) and an estimated object (second) below ``cutoff`` [m]."""
         offsets = self.truth.row_offset, self.estimate.row_offset
         return near(self.position_truth, offsets[0], self.position_estimate, offsets[1], cutoff)
 
 
-def sets(estimates: Estimates, recording: Recording, span: Span) -> Sets:
+def sets(estimates: Estimates, recording: Recording, scored: Scored) -> AlignedSets:
     """The scored steps of ``estimates`` beside the truth of ``recording``, one at least.
 
     Raises
     ------
     InputError : no truth, no positions in common, or nothing left to score
     """
-    aligned = align(estimates, recording, span)
+    aligned = align(estimates, recording, scored)
     if not len(aligned):
         raise InputError(f"{recording.meta.name}: no step to be scored has a truth")
     return aligned
 
 
-def align(estimates: Estimates, recording: Recording, span: Span) -> Sets:
+def align(estimates: Estimates, recording: Recording, scored: Scored) -> AlignedSets:
     """The scored steps of ``estimates`` beside the truth of ``recording``, perhaps none.
 
     Raises
@@ -78,18 +75,16 @@ def align(estimates: Estimates, recording: Recording, span: Span) -> Sets:
     names = axes("centre", truth, objects)
     if len(names) < 2:
         raise InputError(f"{recording.meta.name}: truth and estimates have no x y in common")
-    inside = span.contains(objects.time_ns)
-    known = np.zeros(len(inside), bool)
-    before = after = np.zeros(len(inside), np.int64)
-    w = np.zeros(len(inside))
-    if len(truth.time_ns):
-        before, after, w, known = bracket(truth.time_ns, objects.time_ns, span)
+    inside = scored.contains(objects.time_ns)
+    settled = settle(scored, truth)
+    gap, own = settled.max_gap, bool(settled.own_times)
+    assert gap is not None
+    known = is_known(truth, objects.time_ns, gap)
     steps = np.flatnonzero(inside & known)
-    time_ns = objects.time_ns[steps]
-    true = _between(truth, before[steps], after[steps], w[steps], time_ns)
-    estimated = _select(objects, steps, time_ns)
-    return Sets(
-        seconds(time_ns),
+    true = at_times(truth, objects.time_ns[steps], gap, own)
+    estimated = objects.at(steps)
+    return AlignedSets(
+        seconds(true.time_ns),
         steps,
         true,
         estimated,
@@ -97,35 +92,3 @@ def align(estimates: Estimates, recording: Recording, span: Span) -> Sets:
         estimated.columns(*names),
         int((inside & ~known).sum()),
     )
-
-
-def members(row_offset: Array, steps: Array) -> tuple[Array, Array]:
-    """The rows of ``steps`` (k,) in turn, and how many each has (k,)."""
-    count = np.diff(row_offset)[steps]
-    ends = np.cumsum(count)
-    return np.arange(count.sum()) + np.repeat(row_offset[:-1][steps] - ends + count, count), count
-
-
-def _select(objects: Objects, steps: Array, time_ns: Array) -> Objects:
-    """The objects of ``steps`` (k,) as those at ``time_ns`` (k,)."""
-    rows, count = members(objects.row_offset, steps)
-    return _ragged(take(objects, rows, time_ns), count)
-
-
-def _ragged(objects: Objects, count: Array) -> Objects:
-    return replace(objects, row_offset=np.concatenate(([0], np.cumsum(count))))
-
-
-def _between(truth: Objects, before: Array, after: Array, w: Array, time_ns: Array) -> Objects:
-    """The objects that stand in both of two steps (k,), with weight ``w`` (k,) of the second."""
-    labels, label = np.unique(truth.label, return_inverse=True)
-    step = np.repeat(np.arange(len(truth.time_ns)), np.diff(truth.row_offset))
-    key = step * len(labels) + label
-    order = np.argsort(key)
-    rows, count = members(truth.row_offset, before)
-    k = np.repeat(np.arange(len(before)), count)
-    wanted = after[k] * len(labels) + label[rows]
-    found = np.searchsorted(key[order], wanted).clip(max=len(key) - 1)
-    both = key[order[found]] == wanted if len(key) else np.zeros(0, bool)
-    first, second = take(truth, rows[both], time_ns), take(truth, order[found[both]], time_ns)
-    return _ragged(blend(first, second, w[k[both]]), np.bincount(k[both], minlength=len(before)))

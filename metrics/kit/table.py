@@ -1,14 +1,14 @@
-"""Scores as tables: made from columns, chained, and cut."""
+"""Rows of scores: made from columns, and grouped."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ...models.records import Array, Scores
-from ...models.words import Words, chain
+from ...models.runs import Runs
 
 Key = tuple[str, str, str, str]
 """The names of a row: recording, estimator, metric, part."""
@@ -17,41 +17,9 @@ Key = tuple[str, str, str, str]
 def rows(key: Key, time: Any, value: Any, n: Any = 1, stderr: Any = np.nan) -> Scores:
     """Rows with the same names; the numbers are broadcast against each other, (k,)."""
     t, v, count, error = np.broadcast_arrays(*map(np.atleast_1d, (time, value, n, stderr)))
-    recording, estimator, metric, part = (Words([(name, len(v))]) for name in key)
+    recording, estimator, metric, part = (Runs([(name, len(v))]) for name in key)
     t, v, error = (x.astype(float) for x in (t, v, error))
     return Scores(recording, estimator, metric, part, t, v, count.astype(np.int64), error)
-
-
-def concatenate(tables: Iterable[Scores]) -> Scores:
-    """The rows of all ``tables`` in order.
-
-    The provenance is theirs if it is one, otherwise the list of all different ones, ``inputs``.
-    """
-    parts = list(tables)
-    if len(parts) == 1:
-        return parts[0]
-
-    def text(name: str) -> Words:
-        return chain(getattr(p, name) for p in parts)
-
-    def numbers(name: str, kind: type) -> Array:
-        return np.concatenate([np.zeros(0, kind), *(getattr(p, name) for p in parts)])
-
-    known: list[dict[str, Any]] = []
-    for p in parts:
-        if p.provenance and dict(p.provenance) not in known:
-            known.append(dict(p.provenance))
-    return Scores(
-        text("recording"),
-        text("estimator"),
-        text("metric"),
-        text("part"),
-        numbers("time", float),
-        numbers("value", float),
-        numbers("n", np.int64),
-        numbers("stderr", float),
-        known[0] if len(known) == 1 else {"inputs": known} if known else {},
-    )
 
 
 def keys(scores: Scores) -> list[Key]:
@@ -59,9 +27,15 @@ def keys(scores: Scores) -> list[Key]:
     return list(zip(scores.recording, scores.estimator, scores.metric, scores.part, strict=True))
 
 
-def groups(names: Sequence[Any]) -> dict[Any, list[int]]:
-    """Indices of the rows of each distinct name, in the order of first appearance."""
-    found: dict[Any, list[int]] = {}
-    for i, name in enumerate(names):
-        found.setdefault(name, []).append(i)
-    return found
+def groups(*columns: Sequence[str]) -> dict[tuple[str, ...], Array]:
+    """Indices (k,) of the rows of each distinct combination, in the order of first appearance."""
+    code = np.zeros(len(columns[0]), np.int64)
+    for column in columns:
+        known: dict[str, int] = {}
+        found = [(known.setdefault(text, len(known)), n) for text, n in Runs.of(column).runs()]
+        numbers, counts = np.array(found, np.int64).reshape(-1, 2).T
+        _, code = np.unique(code * len(known) + np.repeat(numbers, counts), return_inverse=True)
+    order = np.argsort(code, kind="stable")
+    members = np.split(order, np.cumsum(np.bincount(code))[:-1]) if len(order) else []
+    members.sort(key=lambda rows: int(rows[0]))
+    return {tuple(column[rows[0]] for column in columns): rows for rows in members}

@@ -53,11 +53,25 @@ class View:
         near = (distance >= self.range_min) & (distance <= self.range_max)
         return near & ((turn <= self.width) | (self.width >= 2 * pi))
 
-    def corners(self, step: float = 0.05) -> Array:
-        """The view as a polygon (v, 2) in the sensor's frame, anticlockwise, for a bounded view.
+    def distance(self, position: Array) -> Array:
+        """How far (n,) [m] positions (n, 2) in the sensor's frame are from the border, at least."""
+        r, azimuth = polar(position)
+        found = np.abs(r - self.range_max)
+        if self.range_min > 0:
+            found = np.minimum(found, np.abs(r - self.range_min))
+        if self.width < 2 * pi:
+            for edge in (self.azimuth_min, self.azimuth_max):
+                turn = azimuth - edge
+                across = np.where(np.cos(turn) > 0, r * np.abs(np.sin(turn)), r)
+                found = np.minimum(found, across)
+        return np.asarray(found)
+
+    def corners(self, step: float = 0.05, end: float = inf) -> Array:
+        """The view up to range ``end`` as a polygon (v, 2) in the sensor's frame, anticlockwise.
 
         Its arcs are chords of at most ``step`` [rad], at radii that keep the area of the sector.
         """
+        last = min(self.range_max, end)
         n = max(ceil(self.width / step), 1)
         azimuth = self.azimuth_min + self.width * np.arange(n + 1) / n
         # A chord's triangle has sin(a) / a of its sector's area.
@@ -65,7 +79,7 @@ class View:
         swell = (a / sin(a)) ** 0.5 if cos(a) > 0 else 1.0
         ring = swell * np.stack((np.cos(azimuth), np.sin(azimuth)), 1)
         inner = self.range_min * ring[::-1] if self.range_min > 0 else np.zeros((1, 2))
-        return np.concatenate((self.range_max * ring, inner))
+        return np.concatenate((last * ring, inner))
 
 
 def polar(position: Array) -> tuple[Array, Array]:

@@ -60,6 +60,7 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
 
 
 def _posterior(inputs: Inputs, selection: Selection) -> list[_Line]:
+    """A line for each file of estimates: the posterior mean, or the number of objects."""
     found = []
     for e in inputs.estimates:
         time = e.objects.time_ns / 1e9
@@ -85,6 +86,7 @@ def _true(inputs: Inputs, selection: Selection) -> tuple[Array, Array] | None:
 def _over_runs(
     inputs: Inputs, selection: Selection
 ) -> tuple[list[_Line], tuple[Array, Array] | None]:
+    """A line for each scenario and estimator, and the true number where the scenario is one."""
     rows = Columns.of(inputs.tables[0], selection)
     rows = rows.where(rows.metric == "cardinality")
     if not len(rows):

@@ -31,7 +31,7 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     InputError : no distribution among the scores
     """
     _, pooled = inputs.tables
-    rows = [r for r in records(pooled) if r.metric == "cdf" and "@" not in r.part]
+    rows = [r for r in records(pooled.where(metric="cdf")) if "@" not in r.part]
     found = {part: [r for r in rows if r.part.startswith(f"{part}<=")] for part in PARTS}
     shown = {part: mine for part, mine in found.items() if mine}
     if not shown:

@@ -28,7 +28,7 @@ QUANTITIES = {
 
 
 def quantity(metric: str, part: str = "") -> str:
-    """What an axis says of a metric and the part that it scores, with its unit."""
+    """The label of an axis: a metric and the part that it scores, with its unit."""
     name, unit = QUANTITIES.get(metric, (metric, ""))
     of = {"": "", "error": ", error"}.get(part, f" of the {part}")
     return f"{name}{of}" + (f" [{unit}]" if unit else "")
@@ -86,8 +86,10 @@ class Series:
 
 def series(pooled: Scores, metric: str, part: str, selection: Selection) -> list[Series]:
     """The series of a metric's part, estimators first, then bounds (see :mod:`..pivot`)."""
-    bounds = {m for m, e in zip(pooled.metric, pooled.estimator, strict=True) if not e}
-    rows = [r for r in records(pooled) if r.metric == metric and r.part == part]
+    bounds = set(pooled.where(estimator="").metric)
+    asked = (metric, bool), (None, "")
+    some = Scores.join(pooled.where(metric=m, estimator=e, part=part) for m, e in asked)
+    rows = [r for r in records(some) if r.metric == metric]
     rows = [r for r in rows if selection.start <= r.time <= selection.stop]
     many = len({r.scenario for r in rows}) > 1
     found = []
@@ -103,8 +105,8 @@ def series(pooled: Scores, metric: str, part: str, selection: Selection) -> list
 def title(pooled: Scores) -> str:
     """The scenarios of the scores and how many recordings were pooled."""
     runs: dict[str, int] = {}
-    for name, n, estimator in zip(pooled.recording, pooled.n, pooled.estimator, strict=True):
-        if estimator and name.endswith("*"):
-            runs[scenario(name)] = max(runs.get(scenario(name), 0), int(n))
+    some = pooled.where(recording=lambda name: name.endswith("*"), estimator=bool)
+    for name, n in zip(some.recording, some.n.tolist(), strict=True):
+        runs[scenario(name)] = max(runs.get(scenario(name), 0), n)
     counts = {name: f"{n} run{'s' * (n > 1)}" for name, n in runs.items()}
     return "; ".join(n if name == "*" else f"{name}, {n}" for name, n in counts.items())

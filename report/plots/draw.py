@@ -10,10 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ...models import registry
 from ...models.errors import InputError, ParameterError
 from ...models.parameters import suggestion
-from ...models.records import Scores
+from ...models.records import Meta, Scores
+from ..table import visible
 from .protocol import Inputs, Plot, Selection
 from .style import CM, style
 
@@ -45,6 +48,8 @@ def figure(
     plot: Plot = registry.load(GROUP, kind)
     _check(kind, plot, inputs)
     inputs = _only(inputs, estimators)
+    _check_reach(kind, inputs)
+    inputs = _with_visible_names(inputs)
     if not available():
         raise ParameterError("plots need Matplotlib: pip install 'echoset[plot]'")
     from matplotlib.figure import Figure
@@ -69,9 +74,12 @@ def save(made: Figure, form: str, description: Mapping[str, Any]) -> bytes:
     file = io.BytesIO()
     with style():
         made.savefig(file, format=form, metadata=metadata[form])
-    return file.getvalue()
+    data = file.getvalue()
+    return _CONTROL.sub(lambda c: b"\\x%02x" % ord(c[0]), data) if form == "svg" else data
 
 
+_CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f]")
+"""Characters that XML does not have, not even escaped."""
 _HEAD = re.compile(r"^.*?(?=<svg)|<metadata>.*?</metadata>|<style.*?</style>", re.DOTALL)
 
 
@@ -115,6 +123,36 @@ def _check(kind: str, plot: Plot, inputs: Inputs) -> None:
             raise InputError(f"{kind}: draws no {_NAMES[what]}, but an input holds them")
 
 
+def _with_visible_names(inputs: Inputs) -> Inputs:
+    """The inputs with recordings whose names can be drawn."""
+
+    def shown(meta: Meta) -> Meta:
+        return replace(meta, name=visible(meta.name))
+
+    recordings = tuple(replace(r, meta=shown(r.meta)) for r in inputs.recordings)
+    estimates = tuple(replace(e, meta=shown(e.meta)) for e in inputs.estimates)
+    return replace(inputs, recordings=recordings, estimates=estimates)
+
+
+REACH = 1e12
+"""Farthest coordinate [m] and largest score that a picture can show."""
+
+
+def _check_reach(kind: str, inputs: Inputs) -> None:
+    """Refuse numbers so large that the scale of an axis overflows or tells nothing apart."""
+    arrays: list[Any] = [e.objects.state for e in inputs.estimates]
+    for r in inputs.recordings:
+        arrays += [s.position for s in r.sensors.values()]
+        arrays += [r.truth.objects.state] if r.truth else []
+        arrays += [
+            s.rows[c] for s in r.streams.values() for c in ("x", "y", "range") if c in s.rows
+        ]
+    arrays += [s.value for s in (inputs.scores,) if s is not None]
+    largest = max((float(np.abs(a).max(initial=0.0)) for a in arrays), default=0.0)
+    if largest > REACH:
+        raise InputError(f"{kind}: draws numbers up to {REACH:g}, the inputs hold {largest:g}")
+
+
 def _only(inputs: Inputs, estimators: Sequence[str]) -> Inputs:
     """The inputs without other estimators than these; bounds stay."""
     if not estimators:
@@ -127,10 +165,7 @@ def _only(inputs: Inputs, estimators: Sequence[str]) -> Inputs:
     wanted = {"", *estimators}
 
     def kept(scores: Scores | None) -> Scores | None:
-        if scores is None:
-            return None
-        rows = [i for i, name in enumerate(scores.estimator) if name in wanted]
-        return scores.select(rows)
+        return None if scores is None else scores.where(estimator=wanted.__contains__)
 
     estimates = tuple(e for e in inputs.estimates if e.estimator in wanted)
     return replace(

@@ -100,8 +100,8 @@ def fuse(recording: Recording, found: list[tuple[str, Stream, int]], x: Array, y
     points = np.stack(np.meshgrid(x, y), -1)
     total, seen = np.zeros(points.shape[:2]), np.zeros(points.shape[:2], bool)
     for name, stream, k in found:
-        position, turn = pose_at(recording.sensors[stream.nodes[0]], int(stream.time_ns[k]))
-        local = (points - position[:2]) @ turn[:2, :2]
+        position, R = pose_at(recording.sensors[stream.nodes[0]], int(stream.time_ns[k]))
+        local = (points - position[:2]) @ R[:2, :2]
         polar = np.stack((np.hypot(*np.moveaxis(local, -1, 0)),
                           np.arctan2(local[..., 1], local[..., 0])), -1)  # fmt: skip
         read = RegularGridInterpolator(

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from ...models.errors import ParameterError
+from ...models.extent import in_plane
 from ...models.poses import pose_at, rotation
 from ...models.radar.detection import View
-from ...models.records import Array, Estimates, Objects, Recording, Stream
+from ...models.records import Array, Estimates, Making, Objects, Recording, Stream
 from ...models.regions import polygon
 from .protocol import Selection
 
@@ -36,8 +37,8 @@ def detections(recording: Recording, selection: Selection) -> tuple[Array, Array
         local = _local(stream)
         for k in selection.times(time).tolist():
             rows = slice(stream.row_offset[k], stream.row_offset[k + 1])
-            position, turn = pose_at(recording.sensors[stream.nodes[0]], int(stream.time_ns[k]))
-            places.append(position + local[rows] @ turn.T)
+            position, R = pose_at(recording.sensors[stream.nodes[0]], int(stream.time_ns[k]))
+            places.append(position + local[rows] @ R.T)
             times.append(np.full(len(places[-1]), time[k]))
     return np.concatenate(times), np.concatenate(places)
 
@@ -64,11 +65,11 @@ def views(recording: Recording, selection: Selection) -> list[Array]:
             view = _view(stream, k)
             key = hash(name), view.azimuth_min, view.azimuth_max, view.range_min, view.range_max
             if view.bounded and key not in found:
-                position, turn = pose_at(sensor, int(stream.time_ns[k]))
+                position, R = pose_at(sensor, int(stream.time_ns[k]))
                 corners = view.corners()
                 if view.width >= 2 * np.pi:
                     corners = corners[: len(corners) // 2 + 1] if view.range_min else corners[:-1]
-                found[key] = position[:2] + corners @ turn[:2, :2].T
+                found[key] = position[:2] + corners @ R[:2, :2].T
     return list(found.values())
 
 
@@ -90,31 +91,28 @@ def outlines(objects: Objects, rows: Iterable[int]) -> Iterator[tuple[Array, Arr
     if objects.semi_axes is None:
         return
     at = objects.columns("x", "y")
-    angle = np.linspace(0, 2 * np.pi, 61)
+    around = np.linspace(0, 2 * np.pi, 61)
     for row in rows:
         axes = objects.semi_axes[row]
-        turn = np.zeros(1) if objects.rotation is None else np.atleast_1d(objects.rotation[row])
+        angle = np.zeros(()) if objects.rotation is None else objects.rotation[row]
+        R = rotation(angle) if angle.shape else in_plane(angle)
         if objects.extent_kind == "rectangle":
             c = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]]) * axes[:2]
-            line = c @ _plane(float(turn[0])).T
+            line = c @ R[:2, :2].T
         else:
             axes = np.repeat(axes, 2)[:2] if len(axes) == 1 else axes
-            R = rotation(turn) if len(turn) == 4 else _plane(float(turn[0]))
             S = (R[:2, : len(axes)] * axes[: R.shape[1]] ** 2) @ R[:2, : len(axes)].T
             w, U = np.linalg.eigh(S)
-            circle = np.stack((np.cos(angle), np.sin(angle)), 1)
+            circle = np.stack((np.cos(around), np.sin(around)), 1)
             line = circle @ (U * np.sqrt(np.maximum(w, 0.0))).T
         yield at[row, 0] + line[:, 0], at[row, 1] + line[:, 1]
 
 
-def _plane(turn: float) -> Array:
-    return np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-
-
 def regions(recording: Recording, estimates: Iterable[Estimates]) -> dict[str, Array]:
     """Corners (v, 2) of the regions that estimates or the scenario counted in, by name."""
-    for meta in (*(e.meta for e in estimates), recording.meta):
-        known = meta.provenance.get("parameters", {}).get("regions")
+    scenario = Making.of(recording.meta.provenance).parameters
+    for parameters in (*(e.making.parameters for e in estimates), scenario):
+        known = parameters.get("regions")
         if known:
             named = known.items() if isinstance(known, Mapping) else enumerate(known, 1)
             return {f"region {n}" if isinstance(n, int) else n: c for n, c in _polygons(named)}

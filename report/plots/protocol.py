@@ -1,4 +1,4 @@
-"""What a kind of plot is: a module with these names; and what it draws."""
+"""A kind of plot: a module with these names; and its inputs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inputs:
-    """What is to be drawn; ``pooled`` are the ``scores`` of recordings pooled by scenario."""
+    """Records to be drawn; ``pooled`` are the ``scores`` of recordings pooled by scenario."""
 
     recordings: tuple[Recording, ...] = ()
     estimates: tuple[Estimates, ...] = ()
@@ -44,7 +44,7 @@ class Inputs:
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """What of the inputs is drawn: a span of time [s], both ends included."""
+    """The span of time [s] that is drawn, both ends included."""
 
     start: float = -np.inf
     stop: float = np.inf

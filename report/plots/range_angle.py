@@ -49,8 +49,8 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
             rasterized=True,
         )
         truth = true_centres(recording, int(stream.time_ns[k]))
-        position, turn = pose_at(recording.sensors[stream.nodes[0]], int(stream.time_ns[k]))
-        local = (truth - position[:2]) @ turn[:2, :2]
+        position, R = pose_at(recording.sensors[stream.nodes[0]], int(stream.time_ns[k]))
+        local = (truth - position[:2]) @ R[:2, :2]
         distance, angle = np.hypot(*local.T), np.arctan2(local[:, 1], local[:, 0])
         seen = (distance <= r[-1]) & (azimuth[0] <= angle) & (angle <= azimuth[-1])
         a.plot(np.degrees(angle[seen]), distance[seen], **RING)

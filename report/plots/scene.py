@@ -26,6 +26,8 @@ ELLIPSES = 10
 """Times at which the extents of objects are drawn."""
 MANY = 3000
 """Dots above which a vector picture holds them as pixels."""
+MOST = 6000
+"""Objects at a time, of one file, above which the picture is thinned."""
 _TRUTH: dict[str, Any] = {"color": BLUE, "lw": 1.0, "zorder": 5}
 _ESTIMATES = ((VERMILION, "o"), (GREEN, "x"), (ORANGE, "v"), (PURPLE, "D"))
 
@@ -56,10 +58,11 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     for name, corners in places.regions(recording, inputs.estimates).items():
         _outline(above, corners, color=GREEN, lw=1.0, ls=(0, (1, 1)), label="regions")
         above.annotate(name, corners.max(0) * (0, 1) + corners.min(0) * (1, 0), **_NOTE)
+    thinned = 1
     if recording.truth is not None:
-        _objects(axes, recording.truth.objects, selection, None, "truth")
+        thinned = _objects(axes, recording.truth.objects, selection, None, "truth")
     for i, (name, objects) in enumerate(sets):
-        _objects(axes, objects, selection, i, name)
+        thinned = max(thinned, _objects(axes, objects, selection, i, name))
     _frame(axes, recording, sets)
     _sensors(above, recording, selection)
     above.set(xlabel="x [m]", ylabel="y [m]")
@@ -68,7 +71,8 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     over[1].set(xlabel="time [s]", ylabel="y [m]")
     over[0].sharex(over[1])
     over[0].tick_params(labelbottom=False)
-    figure.suptitle(recording.meta.name)
+    note = f", objects at one of {thinned} times" if thinned > 1 else ""
+    figure.suptitle(recording.meta.name + note)
     legend(figure, above, over[1])
     _true_to_scale(figure, above)
 
@@ -121,9 +125,14 @@ def _around(values: Array, margin: float) -> tuple[float, float]:
 
 def _objects(
     axes: dict[str, Axes], objects: Objects, selection: Selection, index: int | None, name: str
-) -> None:
-    """Centres, devices and extents; ``index`` is None for the truth, drawn as lines."""
+) -> int:
+    """Centres, devices and extents; ``index`` is None for the truth, drawn as lines.
+
+    Of so many that nobody could tell them apart, those of one of the returned number of times.
+    """
     at = selection.times(places.seconds(objects.time_ns))
+    every = -(-int(np.diff(objects.row_offset)[at].sum()) // MOST) or 1
+    at = at[::every]
     step = np.repeat(np.arange(len(objects.time_ns)), np.diff(objects.row_offset))
     rows = np.flatnonzero(np.isin(step, at))
     time = places.seconds(objects.time_ns)[step]
@@ -143,6 +152,7 @@ def _objects(
         colour = BLUE if index is None else _ESTIMATES[index % len(_ESTIMATES)][0]
         for x, y in places.outlines(objects, shown.tolist()):
             axes["map"].plot(x, y, color=colour, lw=0.7, zorder=3 if index is None else 4)
+    return every
 
 
 def _lines(objects: Objects, rows: Array, by_label: bool) -> list[Array]:

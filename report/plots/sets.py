@@ -22,6 +22,8 @@ NEEDS: tuple[str, ...] = ("scores",)
 USES: tuple[str, ...] = ()
 SIZE = (16.0, 7.0)
 PARTS = ("localisation", "cardinality", "missed", "false")
+MOST = 2000
+"""Times above which the means over several are drawn."""
 _ORDER = 2.0
 
 
@@ -33,8 +35,8 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     InputError : no metric with such parts over time
     """
     scores, pooled = inputs.tables
-    rows = Columns.of(scores, selection)
-    metrics = several([m for m, p in zip(rows.metric, rows.part, strict=True) if p in PARTS[:1]])
+    rows = Columns.of(scores.where(part=("", *PARTS).__contains__, timed=True), selection)
+    metrics = several(rows.metric[rows.part == PARTS[0]])
     if not metrics:
         raise InputError("sets: the scores hold no ospa or gospa over time: score with -m ospa")
     cells = [
@@ -48,11 +50,17 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     axes = panels(figure, len(cells), columns, sharex=True)
     many = len({s for _, s, _ in cells}) > 1
     highest: dict[str, float] = {}
+    joined = 1
     for a, (metric, scene, estimator) in zip(axes, cells, strict=True):
         mine = rows.where(
             (rows.metric == metric) & (rows.scenario == scene) & (rows.estimator == estimator)
         )
         time, whole, parts = stack(mine, order(scores.provenance, metric))
+        count = -(-len(time) // MOST)
+        if count > 1:
+            time, whole = thinned(time, count), thinned(whole, count)
+            parts = {name: thinned(part, count) for name, part in parts.items()}
+            joined = max(joined, count)
         layers = a.stackplot(time, list(parts.values()), labels=list(parts))
         for i, layer in enumerate(layers):
             layer.set(**shade(PARTS.index(list(parts)[i])))
@@ -65,7 +73,8 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
         a.set_ylim(0, 1.05 * highest[metric] or 1.0)
     for a in axes[-columns:]:
         a.set_xlabel("time [s]")
-    figure.suptitle(title(pooled))
+    note = f", means over {joined} times" if joined > 1 else ""
+    figure.suptitle(title(pooled) + note)
     legend(figure, *axes)
 
 
@@ -88,6 +97,12 @@ def stack(rows: Columns, p: float) -> tuple[Array, Array, dict[str, Array]]:
     seen = np.maximum((~np.isnan(whole)).sum(0), 1)
     means = np.nansum(share, 1) / seen
     return time, np.nansum(whole, 0) / seen, dict(zip(names, means, strict=True))
+
+
+def thinned(values: Array, count: int) -> Array:
+    """Means (m,) over ``count`` consecutive ``values`` (n,) each, the last ones over the rest."""
+    starts = np.arange(0, len(values), count)
+    return np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
 
 
 def order(provenance: Mapping[str, Any], metric: str) -> float:

@@ -6,7 +6,7 @@ import re
 
 import pytest
 from papers import __main__ as driver
-from papers import control, control_table, pieces
+from papers import control, pieces
 from papers.pieces import Piece, complete
 
 from echoset.control import figures
@@ -49,11 +49,11 @@ def test_a_page_is_made_once_and_taken_up_where_it_was(tmp_path):
 
 
 def test_what_decides_a_result_decides_its_file(tmp_path, monkeypatch):
-    piece = Piece(control_table.run, ("naive 0.6 1", range(2)))
+    piece = Piece(control.run, ("naive 0.6 1", range(2)))
     others = [
-        Piece(control_table.run, ("naive 0.6 1", range(3))),
-        Piece(control_table.run, ("naive 0.8 10", range(2))),
-        Piece(control_table.published_runs, ("naive 0.6 1", range(2))),
+        Piece(control.run, ("naive 0.6 1", range(3))),
+        Piece(control.run, ("naive 0.8 10", range(2))),
+        Piece(control.published_runs, ("naive 0.6 1", range(2))),
     ]
     paths = {p.path(tmp_path) for p in (piece, *others)}
     assert len(paths) == 4
@@ -62,8 +62,8 @@ def test_what_decides_a_result_decides_its_file(tmp_path, monkeypatch):
 
 
 def test_a_piece_that_fails_leaves_nothing_and_is_told(tmp_path):
-    good = Piece(control_table.published_runs, ("naive 0.6 1",))
-    bad = Piece(control_table.published_runs, ("no such condition",))
+    good = Piece(control.published_runs, ("naive 0.6 1",))
+    bad = Piece(control.published_runs, ("no such condition",))
     with pytest.raises(KeyError, match="no such condition"):
         complete([good, bad], tmp_path, 1, "")
     assert list(tmp_path.iterdir()) == [good.path(tmp_path)]

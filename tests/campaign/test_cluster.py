@@ -18,6 +18,11 @@ if find_spec("distributed") is None:
     pytest.skip("the extra echoset[cluster] is not installed", allow_module_level=True)
 
 FULL = pytest.mark.verification
+BAD = (
+    *("tcp://", "tcp://127.0.0.1", "tcp://:8786", "tcp://127.0.0.1:port", "tcp://127.0.0.1:0"),
+    *("tcp://127.0.0.1:99999", "tcp://[::1", "inproc://x"),
+)
+"""Addresses that lack a host or a port."""
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -170,6 +175,18 @@ def test_simulations_and_scores_on_a_cluster(run, start, lab, campaign, tmp_path
     assert here.err.splitlines()[0].removeprefix("echoset: ") in error
 
 
+def test_workers_import_nothing_of_their_folder(tmp_path, monkeypatch):
+    from echoset.campaign.batch import cluster
+
+    monkeypatch.chdir(tmp_path)
+    rest = ["/elsewhere", *sys.path]
+    for asked in (False, True):
+        monkeypatch.setattr(sys, "path", ["", str(tmp_path), *rest])
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path) if asked else "")
+        found = cluster._on_worker(cluster._versions(), lambda: list(sys.path))
+        assert found == (["", str(tmp_path)] if asked else []) + rest
+
+
 def test_unfit_workers_and_signals(command, start, lab, files, tmp_path):
     """Workers that lack a module or have another version, and an end by SIGTERM."""
     (tmp_path / "only_here.py").write_text("def nothing(): pass")
@@ -207,6 +224,7 @@ cluster.close()
         ("tcp://127.0.0.1:1", 75, "no scheduler answers"),
         ("none.json", 75, "No such file"),
         ("ftp://127.0.0.1:1", 2, "ftp"),
+        *((bad, 2, f"--cluster {bad}: {bad} is no address like") for bad in BAD),
         (__file__, 2, "is no scheduler file"),
     ],
 )

@@ -112,7 +112,7 @@ def test_folder_removed_during_the_run(start, estimate, whole, campaign, tmp_pat
     expected, out = whole("h5"), tmp_path / "out"
     words = ("estimate", "-e", "mean", *sorted(campaign.iterdir()), "-o", f"{out}/", "-j", jobs)
     process = start(*words, "--set", "delay=0.02")
-    while not out.exists() or not os.listdir(out):
+    while not out.exists() or len(os.listdir(out)) < jobs:
         assert process.poll() is None
         time.sleep(0.01)
     out.rename(tmp_path / "gone")

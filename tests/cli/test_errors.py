@@ -140,6 +140,13 @@ def test_unknown_names(run, rec):
     check(run("estimat"), 2, "did you mean 'estimate'")
 
 
+@pytest.mark.parametrize("command", ["simulate", "estimate", "convert", "plot", "train-classifier"])
+def test_output_that_nobody_named(run, rec, command):
+    words = {"simulate": ["uwb-los"], "estimate": ["-e", "mean", rec], "convert": [rec, "x.h5"]}
+    words |= {"plot": ["scene", rec], "train-classifier": []}
+    check(run(command, *words[command]), 2, "Missing option '-o'")
+
+
 def test_parameter_that_only_the_recording_gives(estimate, rec):
     estimate(rec, "--ignore-sensor-model", words=["'max_range'"])
 
@@ -239,6 +246,6 @@ def test_signal_in_the_middle(start, campaign, tmp_path, jobs, signum, code):
 
 
 def test_traceback_only_where_wanted(run, rec, monkeypatch):
-    monkeypatch.setattr(formats, "summary", lambda path: 1 / 0)
+    monkeypatch.setattr(formats, "summary", lambda *_: 1 / 0)
     check(run("info", rec), 1, "internal error: ZeroDivisionError")
     assert "Traceback" in run("info", rec, "-vv").err

@@ -16,7 +16,7 @@ from echoset import api, formats
 from echoset.campaign.scenarios import find
 from echoset.formats import scores as score_files
 from echoset.formats import weights
-from echoset.metrics.kit.table import concatenate, rows
+from echoset.metrics.kit.table import rows
 from echoset.models.classifier import SHAPES, Weights
 from echoset.models.parameters import resolve
 from echoset.models.random import generator
@@ -70,7 +70,7 @@ def table() -> Scores:
     time = np.arange(4) / 3
     series = rows(("rec", "phd", "ospa", ""), time, time**2)
     whole = rows(("rec", "phd", "ospa", "örtlich"), np.nan, 0.25, 4, [0.125])
-    return replace(concatenate([series, whole]), provenance={"versions": {"numpy": "2.0"}})
+    return replace(Scores.join([series, whole]), provenance={"versions": {"numpy": "2.0"}})
 
 
 @cache

@@ -38,7 +38,7 @@ def test_shares_by_hand(pair):
     # Rows of step 1: a right pedestrian, a vehicle called pedestrian, a false one; step 2: a right
     # pedestrian, and a vehicle that is 6 m off: not assigned.
     estimates = replace(estimates, objects=classed(estimates.objects, [0, 0, 1, 0, 1]))
-    found = values(accuracy.score(estimates, recording, accuracy.Params()))
+    found = values(accuracy.METRIC.score(estimates, recording, accuracy.METRIC.Params()))
     assert found["accuracy", ""] == (pytest.approx(2 / 3), 3)
     assert found["confusion", "pedestrian:pedestrian"] == (1.0, 2)
     assert found["confusion", "vehicle:pedestrian"] == (1.0, 1)
@@ -50,17 +50,23 @@ def test_shares_by_hand(pair):
 def test_classes_are_compared_by_name(pair):
     estimates, recording = pair
     other = classed(estimates.objects, [1, 0, 0, 1, 0], ("vehicle", "pedestrian", "dog"))
-    found = values(accuracy.score(replace(estimates, objects=other), recording, accuracy.Params()))
+    found = values(
+        accuracy.METRIC.score(
+            replace(estimates, objects=other), recording, accuracy.METRIC.Params()
+        )
+    )
     assert found["accuracy", ""] == (1.0, 3)
     dog = classed(estimates.objects, [2, 0, 0, 1, 0], ("vehicle", "pedestrian", "dog"))
-    found = values(accuracy.score(replace(estimates, objects=dog), recording, accuracy.Params()))
+    found = values(
+        accuracy.METRIC.score(replace(estimates, objects=dog), recording, accuracy.METRIC.Params())
+    )
     assert found["confusion", "pedestrian:other"] == (0.5, 2)
 
 
 def test_without_classes(pair):
     estimates, recording = pair
     with pytest.raises(InputError, match="the estimates have no classes"):
-        accuracy.score(estimates, recording, accuracy.Params())
+        accuracy.METRIC.score(estimates, recording, accuracy.METRIC.Params())
 
 
 def test_capacity_counts_the_stations_used(pair):
@@ -73,11 +79,14 @@ def test_capacity_counts_the_stations_used(pair):
     recording = replace(recording, sensors=sensors, streams={f"S{k}": stream for k in range(6)})
     provenance = {**estimates.meta.provenance, "parameters": {"stations": 3}}
     three = replace(estimates, meta=replace(estimates.meta, provenance=provenance))
-    found = [capacity.score(e, recording, capacity.Params()).value[0] for e in (estimates, three)]
+    found = [
+        capacity.METRIC.score(e, recording, capacity.METRIC.Params()).value[0]
+        for e in (estimates, three)
+    ]
     by_hand = 380.16e6 * np.log2(1 + np.array([0.7, 1.0]) * 10**0.81)
     assert found == pytest.approx([by_hand[0], by_hand.mean()], rel=1e-12)
 
 
 def test_capacity_needs_maps(pair):
     with pytest.raises(InputError, match="no station"):
-        capacity.score(*pair, capacity.Params())
+        capacity.METRIC.score(*pair, capacity.METRIC.Params())

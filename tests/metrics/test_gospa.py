@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from echoset.metrics import gospa, ospa_normalised
-from echoset.metrics.kit.alignment import Span
+from echoset.metrics.kit.alignment import Scored
 from echoset.metrics.kit.sets import sets
 
 BOTH = {"gospa": gospa.gospa, "normalised": ospa_normalised.ospa_normalised}
@@ -18,7 +18,7 @@ BOTH = {"gospa": gospa.gospa, "normalised": ospa_normalised.ospa_normalised}
 def value(scene, metric, x, y, order=2.0, cutoff=10.0):
     """The metric and its parts between two lists of points."""
     estimates, recording = scene([dict(enumerate(x))], [dict(enumerate(y))])
-    found = BOTH[metric](sets(estimates, recording, Span()), order, cutoff)
+    found = BOTH[metric](sets(estimates, recording, Scored()), order, cutoff)
     return {part: v[0] for part, v in found.items()}
 
 
@@ -98,7 +98,7 @@ def test_normalised_leaves_pairs_alone_that_raise_the_ratio(scene):
 def test_scores_and_their_roots_of_mean_squares(scene):
     truth = [{7: (0.0, 0.0)}, {7: (1.0, 0.0), 8: (50.0, 0.0)}, {}]
     estimated = [{1: (0.0, 1.0)}, {1: (1.0, 2.0)}, {4: (0.0, 0.0)}]
-    scores = gospa.score(*scene(truth, estimated), gospa.Params(cutoff=4.0))
+    scores = gospa.METRIC.score(*scene(truth, estimated), gospa.METRIC.Params(cutoff=4.0))
     found = {
         (m, p): v
         for m, p, t, v in zip(scores.metric, scores.part, scores.time, scores.value, strict=True)
@@ -108,6 +108,8 @@ def test_scores_and_their_roots_of_mean_squares(scene):
     assert found["gospa-rms", ""] == pytest.approx(np.sqrt(21 / 3), rel=1e-14)
     for part, square in {"localisation": 5, "missed": 8, "false": 8}.items():
         assert found["gospa-rms", part] == pytest.approx(np.sqrt(square / 3), rel=1e-14)
-    normalised = ospa_normalised.score(*scene(truth, estimated), ospa_normalised.Params())
+    normalised = ospa_normalised.METRIC.score(
+        *scene(truth, estimated), ospa_normalised.METRIC.Params()
+    )
     assert set(normalised.metric) == {"ospa-normalised", "ospa-normalised-left-out"}
-    assert ospa_normalised.Params().cutoff == 5.0
+    assert ospa_normalised.METRIC.Params().cutoff == 5.0

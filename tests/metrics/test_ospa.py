@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from echoset.metrics import ospa
-from echoset.metrics.kit.alignment import Span
+from echoset.metrics.kit.alignment import Scored
 from echoset.metrics.kit.sets import sets
 from echoset.models.errors import ParameterError
+from echoset.models.parameters import resolve
 
 
 def value(scene, x, y, order=2.0, cutoff=10.0, part=""):
     """OSPA of two lists of points."""
     estimates, recording = scene([dict(enumerate(x))], [dict(enumerate(y))])
-    return ospa.ospa(sets(estimates, recording, Span()), order, cutoff)[part][0]
+    return ospa.ospa(sets(estimates, recording, Scored()), order, cutoff)[part][0]
 
 
 def by_permutations(x, y, order, cutoff):
@@ -77,7 +78,7 @@ def test_scores_of_a_recording(scene):
     truth = [{7: (0.0, 0.0)}, {7: (1.0, 0.0), 8: (50.0, 0.0)}, {}]
     estimated = [{1: (0.0, 1.0)}, {1: (1.0, 2.0)}, {}]
     estimates, recording = scene(truth, estimated)
-    scores = ospa.score(estimates, recording, ospa.Params(cutoff=4.0))
+    scores = ospa.METRIC.score(estimates, recording, ospa.METRIC.Params(cutoff=4.0))
     assert set(scores.metric) == {"ospa", "ospa-left-out"}
     whole = [i for i, part in enumerate(scores.part) if part == "" and scores.metric[i] == "ospa"]
     assert scores.time[whole].tolist()[:3] == [0, 1, 2] and np.isnan(scores.time[whole[3]])
@@ -89,4 +90,4 @@ def test_scores_of_a_recording(scene):
 def test_parameters():
     for wrong in ({"order": 0.5}, {"cutoff": 0.0}, {"block": -1}, {"max_gap": -1.0}):
         with pytest.raises(ParameterError):
-            ospa.Params(**wrong)
+            resolve(ospa.METRIC.Params, ("test", wrong))

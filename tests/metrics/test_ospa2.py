@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from echoset.metrics import ospa
-from echoset.metrics.kit.alignment import Span
+from echoset.metrics.kit.alignment import Scored
 from echoset.metrics.kit.sets import sets
-from echoset.metrics.ospa2 import Params, measure, ospa2, score
+from echoset.metrics.ospa2 import METRIC, Params, measure, ospa2
 from echoset.models.errors import ParameterError
+from echoset.models.parameters import resolve
 
 
 def track_distance(f, g, order, cutoff):
@@ -63,7 +64,7 @@ def test_equal_to_the_definition(scene, window, order):
 def test_a_window_of_one_step_is_ospa(scene):
     rng = np.random.default_rng(8)
     pair = scene(draw(rng, range(5)), draw(rng, range(4)))
-    aligned, measured = sets(*pair, Span()), measure(*pair, Params(cutoff=4.0))
+    aligned, measured = sets(*pair, Scored()), measure(*pair, Params(cutoff=4.0))
     for part, values in ospa.ospa(aligned, 2.0, 4.0).items():
         np.testing.assert_allclose(ospa2(measured, 2.0, 4.0, 1)[part], values, atol=1e-12)
 
@@ -72,14 +73,14 @@ def test_swapped_labels_cost_though_the_sets_are_equal(scene):
     truth = [{1: (0.0, 0.0), 2: (50.0, 0.0)}] * 4
     swapped = [{7: (0.0, 0.0), 8: (50.0, 0.0)}] * 2 + [{8: (0.0, 0.0), 7: (50.0, 0.0)}] * 2
     pair = scene(truth, swapped)
-    aligned, measured = sets(*pair, Span()), measure(*pair, Params(order=1.0))
+    aligned, measured = sets(*pair, Scored()), measure(*pair, Params(order=1.0))
     assert ospa.ospa(aligned, 1.0, 10.0)[""].tolist() == [0, 0, 0, 0]
     np.testing.assert_allclose(ospa2(measured, 1.0, 10.0, 4)[""], [0, 0, 10 / 3, 5], rtol=1e-14)
 
 
 def test_empty_steps_and_parameters(scene):
-    scores = score(*scene([{}, {}], [{}, {1: (0.0, 0.0)}]), Params())
+    scores = METRIC.score(*scene([{}, {}], [{}, {1: (0.0, 0.0)}]), Params())
     whole = [v for m, p, v in zip(scores.metric, scores.part, scores.value, strict=True) if not p]
     assert whole == [0.0, 10.0, 5.0, 0.0]
     with pytest.raises(ParameterError):
-        Params(window=0)
+        resolve(Params, ("test", {"window": 0}))

@@ -44,10 +44,10 @@ def objects(steps, with_extent=True):
 def score(estimate, truth):
     recording = Recording(Meta("r"), {}, {}, Truth(truth))
     estimates = Estimates(Meta("r", provenance={"estimator": "e"}), estimate, {})
-    found = ospa_gw.score(estimates, recording, ospa_gw.Params())
+    found = ospa_gw.METRIC.score(estimates, recording, ospa_gw.METRIC.Params())
     steps = ~np.isnan(found.time) & (np.array(found.metric) == "ospa-gw")
     part = np.array(found.part)
-    return {p: found.value[steps & (part == p)] for p in ("", *ospa_gw.PARTS)}
+    return {p: found.value[steps & (part == p)] for p in ("", *ospa_gw.METRIC.PARTS)}
 
 
 def test_distance_of_extents_along_common_axes_is_that_of_the_semi_axes():

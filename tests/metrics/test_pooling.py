@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
-from echoset.metrics.kit.table import Key, concatenate, rows
+from echoset.metrics.kit.table import Key, rows
 from echoset.metrics.pooling import pool
 from echoset.metrics.segments import parse, segments
 from echoset.models.errors import InputError, ParameterError
@@ -25,7 +26,7 @@ def campaign(errors: list[np.ndarray], estimator: str = "e", name: str = "s") ->
             rows(key, np.nan, np.sqrt(np.mean(e**2)), len(e), 0.123),
             rows((*key[:2], "cdf", "device<=1"), np.nan, np.mean(e <= 1), len(e)),
         ]
-    return replace(concatenate(tables), provenance={"a": 1})
+    return replace(Scores.join(tables), provenance={"a": 1})
 
 
 def get(scores: Scores, metric: str, time: float = np.nan) -> tuple[float, int, float]:
@@ -66,7 +67,7 @@ def test_one_recording_keeps_its_own_standard_error() -> None:
 
 def test_groups() -> None:
     e = [np.ones(2), np.ones(2)]
-    both = concatenate([campaign(e, name="s"), campaign(e, "f"), campaign(e, name="t")])
+    both = Scores.join([campaign(e, name="s"), campaign(e, "f"), campaign(e, name="t")])
     assert set(pool(both, by_scenario=True).recording) == {"s-*", "t-*"}
     assert set(pool(both).estimator) == {"e", "f"}
     again = pool(pool(both))
@@ -78,10 +79,10 @@ def test_groups() -> None:
 
 def test_pooled_rows_beside_their_recordings() -> None:
     one = campaign([np.array([1.0, 2.0]), np.array([3.0, 1.0])])
-    both = pool(concatenate([one, pool(one)]), by_scenario=True)
+    both = pool(Scores.join([one, pool(one)]), by_scenario=True)
     assert set(both.recording) == {"s-*"} and len(both) == len(pool(one))
     other = replace(pool(one), value=2 * pool(one).value)
-    assert set(pool(concatenate([one, other]), by_scenario=True).recording) == {"s-*", "*"}
+    assert set(pool(Scores.join([one, other]), by_scenario=True).recording) == {"s-*", "*"}
 
 
 def test_equal_values_pool_exactly() -> None:
@@ -94,9 +95,9 @@ def test_equal_values_pool_exactly() -> None:
 
 def test_scored_twice() -> None:
     once = campaign([np.ones(2)])
-    np.testing.assert_array_equal(pool(concatenate([once, once])).n, pool(once).n)
+    np.testing.assert_array_equal(pool(Scores.join([once, once])).n, pool(once).n)
     with pytest.raises(InputError, match="more than once"):
-        pool(concatenate([once, replace(once, value=2 * once.value)]))
+        pool(Scores.join([once, replace(once, value=2 * once.value)]))
 
 
 def test_segments() -> None:
@@ -109,3 +110,17 @@ def test_segments() -> None:
     for text in ("", "1", "1:2:3", "a:b", "2:1", "nan:1"):
         with pytest.raises(ParameterError, match="segment"):
             parse(text)
+
+
+def test_standard_error_where_few_recordings_err() -> None:
+    """One of R recordings errs: its root mean square is that of a binomial number of draws."""
+    for count, error in ((5, 1.7), (7, 0.001), (10, 2.3), (11, 0.001)):
+        pooled = pool(campaign([np.full(3, error), *[np.zeros(3)] * (count - 1)]))
+        drawn = np.arange(count + 1)
+        p = binom.pmf(drawn, count, 1 / count)
+        root = error * np.sqrt(drawn / count)
+        mean = p @ root
+        variance, fourth = p @ (root - mean) ** 2, p @ (root - mean) ** 4
+        spread = np.sqrt((fourth - variance**2) / 1000) / (2 * np.sqrt(variance))
+        assert abs(get(pooled, "rmse")[2] - np.sqrt(variance)) < 4.5 * spread
+        assert get(pooled, "rmse")[0] == pytest.approx(error / np.sqrt(count), rel=1e-12)

@@ -45,7 +45,7 @@ def column(scores, metric, part):
 
 def test_errors_are_the_mean_less_the_number_of_targets(recording):
     estimates = run(recording, regions=REGIONS)
-    scores = regional.score(estimates, recording, regional.Params())
+    scores = regional.METRIC.score(estimates, recording, regional.METRIC.Params())
     truth = recording.truth.objects
     number = [
         sum(x < 0 for x in truth.state[a:b, 0])
@@ -60,17 +60,19 @@ def test_errors_are_the_mean_less_the_number_of_targets(recording):
 
 
 def test_regions_named_afterwards_are_those_named_before(recording):
-    before = regional.score(run(recording, regions=REGIONS), recording, regional.Params())
+    before = regional.METRIC.score(
+        run(recording, regions=REGIONS), recording, regional.METRIC.Params()
+    )
     kept = run(recording, keep=True, keep_components=2000)
-    after = regional.score(kept, recording, regional.Params(regions=REGIONS))
+    after = regional.METRIC.score(kept, recording, regional.METRIC.Params(regions=REGIONS))
     assert after.metric == before.metric and after.part == before.part
     np.testing.assert_allclose(after.value, before.value, atol=1e-7)
 
 
 def test_what_is_not_known_is_said(recording):
     with pytest.raises(InputError, match="no regions"):
-        regional.score(run(recording), recording, regional.Params())
+        regional.METRIC.score(run(recording), recording, regional.METRIC.Params())
     with pytest.raises(InputError, match="--keep"):
-        regional.score(run(recording), recording, regional.Params(regions=REGIONS))
+        regional.METRIC.score(run(recording), recording, regional.METRIC.Params(regions=REGIONS))
     with pytest.raises(ParameterError, match=r"regions\.west"):
-        regional.Params(regions={"west": [1, 2, 3]})
+        regional.METRIC.Params(regions={"west": [1, 2, 3]})

@@ -9,7 +9,9 @@ from echoset.metrics import siap
 
 
 def means(scene, truth, estimated, by_object=True):
-    scores = siap.score(*scene(truth, estimated), siap.Params(cutoff=2.0, by_object=by_object))
+    scores = siap.METRIC.score(
+        *scene(truth, estimated), siap.METRIC.Params(cutoff=2.0, by_object=by_object)
+    )
     assert np.isnan(scores.time).all()
     rows = zip(scores.metric, scores.part, scores.value, scores.n, strict=True)
     return {(metric, part): (value, n) for metric, part, value, n in rows}

@@ -169,3 +169,27 @@ def test_empty_tables_and_unknown_format() -> None:
     with pytest.raises(ParameterError, match="latex"):
         report.render([], "latx")
     assert report.tables(Scores((), (), (), (), *(np.zeros(0),) * 4)) == []
+
+
+HOSTILE = scores(
+    ("s-*", "=1+1", "a\x1b[31m", "b\x07\u202ec", NAN, 0.5, 9, NAN),
+    ("s-*", "@x", "a\x1b[31m", "b\x07\u202ec", NAN, 0.25, 9, NAN),
+)
+
+
+@pytest.mark.parametrize("form", ["md", "csv", "latex", "html"])
+def test_names_are_shown_escaped(form: str) -> None:
+    made = report.tables(HOSTILE, ("estimator", "metric", "part"))
+    text = report.render(made, form, {})
+    assert all(c.isprintable() or c == "\n" for c in text)
+    for shown in ("x1b[31m", "x07", "u202ec"):
+        assert shown in text
+    if form == "csv":
+        cells = [row[0] for row in csv.reader(io.StringIO(text)) if row]
+        assert "'=1+1" in cells and "'@x" in cells
+
+
+def test_json_holds_names_as_they_are() -> None:
+    made = report.tables(HOSTILE, ("estimator", "metric", "part"))
+    (table,) = json.loads(report.render(made, "json", {}))["tables"]
+    assert table["rows"][0][:3] == ["=1+1", "a\x1b[31m", "b\x07\u202ec"]

@@ -120,7 +120,7 @@ def test_accuracy_is_near_the_oracles():
             rng = generator(77, "estimate", name)
             *_, last = module.estimate(setup, recording.scans(), params, rng)
             estimates = Estimates(Meta(name, provenance={"estimator": "x"}), last.objects, {})
-            scores = ospa_gw.score(estimates, recording, ospa_gw.Params())
+            scores = ospa_gw.METRIC.score(estimates, recording, ospa_gw.METRIC.Params())
             found.append(scores.value[0])
         ratio.append(found[0] / found[1])
     assert np.mean(ratio) < 1.1 + 4.5 * np.std(ratio, ddof=1) / np.sqrt(len(ratio))

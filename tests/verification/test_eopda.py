@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from papers import marks_eopda as marks
+from papers import uwb as marks
 
 RUNS = 100
 BOOTSTRAP_FILTER = np.array([0.062, 0.303, 0.130, 0.111, 0.255, 0.048])

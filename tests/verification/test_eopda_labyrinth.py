@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from papers.labyrinth_table import DATA, rmse
+from papers.labyrinth import DATA, rmse
 
 pytestmark = [
     pytest.mark.verification,

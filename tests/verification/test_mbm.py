@@ -9,7 +9,7 @@ import pytest
 
 from echoset.estimators import mbm, phd
 from echoset.formats.importers import autoferry
-from echoset.metrics.gospa import Params, gospa
+from echoset.metrics.gospa import METRIC, gospa
 from echoset.metrics.kit.sets import sets
 from echoset.models.parameters import resolve
 from echoset.models.random import generator
@@ -50,7 +50,7 @@ def errors(module, recording, cutoff=10.0, **values):
     parts = list(module.estimate(recording.setup(), recording.scans(), params, rng))
     meta = Meta(recording.meta.name, provenance={"estimator": "filter"})
     found = Estimates(meta, joined(parts), {})
-    aligned = sets(found, recording, Params(order=2.0, cutoff=cutoff))
+    aligned = sets(found, recording, METRIC.Params(order=2.0, cutoff=cutoff))
     return gospa(aligned, 2.0, cutoff), parts
 
 

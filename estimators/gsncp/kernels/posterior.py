@@ -35,6 +35,10 @@ MAX_GATE = 100.0
 FLOOR = 0.1
 """Where an element of an extent is nearer to zero [m], the paper's steps are those of this one:
 steps that are only proportional would linger at zero."""
+LEAST = 0.1
+"""Least mean number of targets, and of false detections a scan, that intensities amount to."""
+NODES = 2000
+"""Nodes, about, that tell how much of D is left for another target."""
 UNIFORMS, NORMALS = 14, 6
 """Random numbers that one move is given."""
 
@@ -45,8 +49,8 @@ class Scene(NamedTuple):
     Detections z (3, M) [m] in the map frame, by sensor state and then along x; those of state k
     are ``offset[k]:offset[k + 1]``. ``table`` (K, nx, ny, nz, 7) holds p_D and the covariance xx xy
     xz yy yz zz at the nodes ``origin + i spacing``, ``outside`` (7,) beyond. ``position`` (K, 3)
-    and ``frame`` (K, 3, 3) take points to the array's axes, for which ``cell`` (5,) holds the
-    arguments of ``resolved`` in ``models/radar/ofdm``; its first is 0 where the last is r itself.
+    and ``frame`` (K, 3, 3) take points to the array's axes, for which ``cell`` (K, 5) holds the
+    arguments of ``resolved`` in ``models/radar/ofdm``; the first is 0 where the last is r itself.
     Centres lie in [lower, upper] (3,), ``radius`` apart, extents in [e_lower, e_upper] (6,).
     Detections with a squared Mahalanobis distance above ``gate`` have eta = 0. Births look where
     ``weight`` (M,) is high, ``spread`` [m] around detections, or anywhere with probability
@@ -134,14 +138,18 @@ def sensor(scene: Scene, c: Array) -> tuple[Array, Array, Array]:
     row, column = np.triu_indices(3)
     S = np.zeros((len(c), K, 3, 3))
     S[..., row, column] = S[..., column, row] = value[..., 1:]
-    if scene.cell[0] == 0:
-        return value[..., 0], S, np.full((len(c), K), scene.cell[4])
     q = np.einsum("kij,lkj->lki", scene.frame, c[:, None] - scene.position)
-    return value[..., 0], S, resolved(q, *scene.cell)
+    r = np.tile(scene.cell[:, 4], (len(c), 1))
+    told = scene.cell[:, 0] > 0
+    r[:, told] = resolved(q[:, told], *scene.cell[told].T)
+    return value[..., 0], S, r
 
 
 def columns(scene: Scene, c: Array, e: Array) -> tuple[Array, Array, Array]:
-    """rho (L, K), eta (L, M) and the precision A (L, 3, 3) of targets c (L, 3), e (L, 6)."""
+    """rho (L, K), eta (L, M) and the precision A (L, 3, 3) of targets c (L, 3), e (L, 6).
+
+    Along an axis on which D is flat, where nothing moves, A is one.
+    """
     p, S, r = sensor(scene, c)
     rho = np.maximum(scene.p_false, p) * np.maximum(1.0, extent.volume(e)[:, None] * r)
     S = S + extent.covariance(e)[:, None]
@@ -152,7 +160,11 @@ def columns(scene: Scene, c: Array, e: Array) -> tuple[Array, Array, Array]:
         peak = rho[:, k] / np.sqrt(np.linalg.det(2 * np.pi * S[:, k]))
         eta[:, a:b] = np.where(d2 <= scene.gate, peak[:, None] * np.exp(-d2 / 2), 0.0)
     w = rho if scene.informed else np.ones_like(rho)
-    return rho, eta, np.einsum("lk,lkij->lij", w, np.linalg.inv(S))
+    A = np.einsum("lk,lkij->lij", w, np.linalg.inv(S))
+    closed = ~free(scene.lower, scene.upper)[0]
+    A[:, closed], A[:, :, closed] = 0.0, 0.0
+    A[:, closed, closed] = 1.0
+    return rho, eta, A
 
 
 def feasible(scene: Scene, c: Array, e: Array) -> bool:
@@ -172,6 +184,30 @@ def log_posterior(scene: Scene, c: Array, e: Array, intensity: Array) -> float:
     likelihood = K * (1 - intensity[1]) * D - rho.sum() + np.log(intensity[1] + eta.sum(0)).sum()
     prior = np.log(intensity[0]) - np.log(free(scene.e_lower, scene.e_upper)[1])
     return float(likelihood + len(c) * prior)
+
+
+def intensities(scene: Scene, L: int, rho: float, clutter: float, volume: float) -> Array:
+    """Intensities (lambda, lambda_c) if L targets expect rho detections and ``clutter`` are false.
+
+    The model intensities update of section 4, where ``volume`` is all of D. That is a hard-core
+    process' number per volume, less than its lambda where targets leave each other little room:
+    over :func:`room` it is lambda (Besag's pseudo-likelihood). The least are numbers in the region.
+    """
+    K, M, D = len(scene.offset) - 1, len(scene.weight), free(scene.lower, scene.upper)[1]
+    targets = L * (M - clutter) / (max(volume, LEAST * D) * rho) if L else 0.0
+    return np.maximum(LEAST / D, [targets, clutter / (max(K, 1) * D)])
+
+
+def room(scene: Scene, c: Array) -> float:
+    """Volume of D that is not within the hard core of a target at c (L, 3)."""
+    open_, D = free(scene.lower, scene.upper)
+    size = np.where(open_, scene.upper - scene.lower, 1.0)
+    side = (D / NODES) ** (1 / open_.sum())
+    shape = np.where(open_, np.maximum(np.ceil(size / side), 1), 1).astype(int)
+    index = np.moveaxis(np.indices(tuple(shape.tolist())), 0, -1).reshape(-1, 3)
+    nodes = np.where(open_, scene.lower + (index + 0.5) * size / shape, scene.lower)
+    gap = np.linalg.norm(nodes[:, None] - c, axis=-1).min(1, initial=np.inf)
+    return D * float((gap >= scene.radius).mean())
 
 
 def refresh(scene: Scene, state: State) -> None:

@@ -19,7 +19,7 @@ from ....models.records import Array
 from .compiled import bernoulli as compiled
 from .compiled import gaussians
 from .compiled.murty import k_best
-from .gaussians import moments
+from .gaussians import falling, moments
 
 TINY = 1e-300
 
@@ -62,9 +62,9 @@ def newborn(r: Array, m: Array, P: Array) -> Bernoullis:
 class Mixture:
     """A multi-Bernoulli mixture of T tracks in G global hypotheses.
 
-    A track has a label (T,) and the mean ``start`` (T, dx) with which it began. A hypothesis has
-    weight w (G,), falling once pruned, and ``table`` (G, T) has the index in ``local`` that it
-    picks of each track, -1 for none.
+    A track has a label (T,) and the mean ``start`` (T, dx) of its first detection, NaN before. A
+    hypothesis has weight w (G,), falling once pruned, and ``table`` (G, T) has the index in
+    ``local`` that it picks of each track, -1 for none.
     """
 
     local: Bernoullis
@@ -114,15 +114,15 @@ class Association:
 
 
 def associate(
-    mixture: Mixture, log_likelihood: Array, p_detect: Array, log_free: Array, k: int, gap: float
+    mixture: Mixture, log_hit: Array, p_detect: Array, log_free: Array, k: int, gap: float
 ) -> Association:
     """The ``k`` best joint associations of tracks to detections, over all global hypotheses.
 
     Parameters
     ----------
-    log_likelihood : (L, M) of a detection given that the Bernoulli's object made it, -inf outside
-        its gate
-    p_detect : (L,)
+    log_hit : (L, M) log of the probability that the Bernoulli's object, if it is there, is detected
+        times the density of the detection then, -inf outside its gate
+    p_detect : (L,) that it is detected at all
     log_free : (M,) log density of detections that none of the tracks made: clutter, new objects
     k, gap : how many hypotheses are kept, and how far in log weight below the best one
 
@@ -131,14 +131,14 @@ def associate(
     EstimatorError : a weight is not finite
     """
     r, table = mixture.local.r, mixture.table
-    M = log_likelihood.shape[1]
-    near = log_likelihood > -np.inf
+    M = log_hit.shape[1]
+    near = log_hit > -np.inf
     seen = np.flatnonzero(near.any(axis=0))
     active = np.flatnonzero(np.append(near.any(axis=1), False)[table].any(axis=0))
     n, T = len(seen), len(active)
     miss = np.log(np.maximum(1 - r * p_detect, TINY))
-    hit = np.log(np.maximum(r * p_detect, TINY))
-    gain = (hit - miss)[:, None] + log_likelihood[:, seen] - log_free[seen]
+    there = np.log(np.maximum(r, TINY))
+    gain = (there - miss)[:, None] + log_hit[:, seen] - log_free[seen]
     # The row that index -1 picks: absent tracks take no detection and weigh nothing.
     gain, miss = np.vstack((gain, np.full(n, -np.inf))), np.append(miss, 0.0)
     costs = np.full((len(table), T, n + T), np.inf)
@@ -182,27 +182,33 @@ def missed(local: Bernoullis, p_detect: Array) -> Bernoullis:
     )
 
 
-def prune(mixture: Mixture, min_existence: float, max_tracks: int) -> Mixture:
-    """Drop unlikely Bernoullis, cap the tracks, unite equal hypotheses, drop what is unused."""
+def prune(mixture: Mixture, min_existence: float, max_tracks: int) -> tuple[Mixture, float]:
+    """Drop unlikely Bernoullis, cap the tracks, unite equal hypotheses, drop what is unused.
+
+    Also returns how many targets are to be expected in the tracks beyond the cap.
+    """
     keep = np.append(mixture.local.r >= min_existence, False)
     table = np.where(keep[mixture.table], mixture.table, -1)
     expected = mixture.w @ np.append(mixture.local.r, 0.0)[table]
     tracks = np.flatnonzero(expected > 0)
+    lost = 0.0
     if len(tracks) > max_tracks:
-        best = np.argsort(-expected[tracks], kind="stable")[:max_tracks]
-        tracks = np.sort(tracks[best])
+        best = falling(expected[tracks], mixture.start[tracks])[:max_tracks]
+        tracks, all_ = np.sort(tracks[best]), expected[tracks].sum()
+        lost = float(all_ - expected[tracks].sum())
     table, same = np.unique(table[:, tracks], axis=0, return_inverse=True)
     w = np.bincount(same.ravel(), mixture.w, len(table))
     order = np.argsort(-w, kind="stable")
     used, index = np.unique(table[order], return_inverse=True)
     absent = int(len(used) > 0 and used[0] < 0)
-    return Mixture(
+    pruned = Mixture(
         mixture.local.take(used[absent:]),
         mixture.label[tracks],
         mixture.start[tracks],
         w[order],
         index.reshape(len(table), len(tracks)) - absent,
     )
+    return pruned, lost
 
 
 def merge(mixture: Mixture, distance: float, existence: float) -> Mixture:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....models.records import Array
+from .gaussians import falling
 
 Components = tuple[Array, Array, Array]
 """Weights (B,), means (B, 4) and covariances (B, 4, 4)."""
@@ -47,19 +48,33 @@ def along_edge(
     return np.full(count, rate / count), m, P
 
 
+def at_most_one(w: Array, m: Array, P: Array) -> Components:
+    """The components as Bernoullis: one that expects more targets becomes as many as it needs."""
+    copies = np.maximum(np.ceil(w), 1).astype(int)
+    return np.repeat(w / copies, copies), np.repeat(m, copies, 0), np.repeat(P, copies, 0)
+
+
+def shares(rate: float, novelty: Array) -> Array:
+    """Expected targets (n,) at detections that share ``rate`` by ``novelty``, and at most that."""
+    total = novelty.sum()
+    return np.asarray(np.minimum(novelty, rate * novelty / total) if total > 0 else 0.0 * novelty)
+
+
 def at_detections(
     rate: float, where: Array, R: Array, novelty: Array, std_velocity: Array, limit: int
 ) -> Components:
     """``rate`` targets at positions ``where`` (n, 2) with covariances R, shared by ``novelty``.
 
     ``novelty`` (n,) is the probability that no known target made the detection; the ``limit``
-    most novel ones are used, and none gets more than its novelty. S. Reuter et al., "The labeled
+    most novel ones are used, which share the rate of all, and none gets more than its novelty: what
+    the others would have got is cut. S. Reuter et al., "The labeled
     multi-Bernoulli filter", IEEE Trans. Signal Process. 62 (2014) 3246-3260, eqs. 74-75.
     """
-    best = np.sort(np.argsort(-novelty, kind="stable")[:limit])
+    best = np.arange(len(novelty))
+    if len(novelty) > limit:
+        best = np.sort(falling(novelty, where)[:limit])
     best = best[novelty[best] > 0]
-    r = novelty[best]
-    w = np.minimum(r, rate * r / r.sum()) if len(r) else r
+    w = shares(rate, novelty)[best]
     m = np.hstack((where[best], np.zeros((len(best), 2))))
     P = np.zeros((len(best), 4, 4))
     P[:, :2, :2] = R[best]

@@ -53,12 +53,31 @@ def correct(m: Array, K: Array, z: Array, z_hat: Array, period: Array) -> Array:
     return np.asarray(m + (K @ innovation(z, z_hat, period)[..., None])[..., 0])
 
 
-def strongest(w: Array, threshold: float, count: int) -> Array:
-    """Indices, in order, of the at most ``count`` largest weights above ``threshold``."""
+def strongest(w: Array, m: Array, threshold: float, count: int) -> Array:
+    """Indices, in order, of the at most ``count`` largest weights above ``threshold``.
+
+    Whom of equals it takes depends on their means m (J, dx), not on where they stand.
+    """
     kept = np.flatnonzero(w > threshold)
     if len(kept) > count:
-        kept = np.sort(kept[np.argsort(-w[kept], kind="stable")[:count]])
+        kept = np.sort(kept[falling(w[kept], m[kept])[:count]])
     return kept
+
+
+def falling(w: Array, values: Array) -> Array:
+    """Indices by falling weight, equals in an order that their ``values`` (J, d) alone decide.
+
+    The values' bits are scrambled (the finalizer of G. L. Steele et al., "Fast splittable
+    pseudorandom number generators", OOPSLA 2014), so that no place is preferred, wherever rows
+    that come sorted have it.
+    """
+    key = np.zeros(len(w), np.uint64)
+    for column in np.ascontiguousarray(values.T + 0.0).view(np.uint64):
+        key = (key ^ column) * np.uint64(0x9E3779B97F4A7C15)
+        key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        key ^= key >> np.uint64(31)
+    return np.lexsort((key, -w))
 
 
 def merge(

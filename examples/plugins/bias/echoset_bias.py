@@ -10,31 +10,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from echoset.metrics.kit.alignment import Window, pairs
-from echoset.metrics.kit.errors import axes, check_parts, chosen, deviation
+from echoset.metrics.kit.alignment import ScoredObject, pairs
+from echoset.metrics.kit.errors import axes, chosen, deviation
 from echoset.metrics.kit.series import mean_stderr
-from echoset.metrics.kit.table import concatenate, rows
-from echoset.models.parameters import parameter, require
+from echoset.metrics.kit.table import rows
+from echoset.models.parameters import parameter
 from echoset.models.records import Estimates, Recording, Scores
 
 SUMMARY = "mean error of device and centre along each axis, over all steps"
 PARTS = ("device", "centre")
-STREAMS = ()
-FOR_SETS = False
-QUADRATIC = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Params(Window):
+class Params(ScoredObject):
     """Which steps and parts are scored."""
 
-    parts: tuple[str, ...] = parameter((), "1", "device, centre; empty: all there are")
-    block: int = parameter(20, "1", "steps in a block of the bootstrap; 0: no stderr")
-
-    def __post_init__(self) -> None:
-        Window.__post_init__(self)
-        check_parts(self.parts, PARTS)
-        require(self.block >= 0, "block", "at least 0", self.block)
+    parts: tuple[str, ...] = parameter(
+        (), "1", "device, centre; empty: all there are", within=PARTS
+    )
+    block: int = parameter(
+        20, "1", "steps in a block of the bootstrap; 0: no stderr", within="[0, inf)"
+    )
 
 
 def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
@@ -54,4 +50,4 @@ def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
             tables.append(rows(key, aligned.time, e))
             spread = mean_stderr(e, params.block)
             tables.append(rows(key, np.nan, e.mean(), len(e), spread))
-    return concatenate(tables)
+    return Scores.join(tables)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from echoset.estimators.gsncp import dbscan, di_gsncp, oracle
+from echoset.estimators.gsncp.chain import explore, put
+from echoset.estimators.gsncp.kernels import posterior as gsncp
+from echoset.estimators.gsncp.kernels.compiled import posterior as compiled
 from echoset.estimators.gsncp.output import Labels
 from echoset.formats.windows import concatenate
 from echoset.metrics import ospa_gw
-from echoset.models import extent
+from echoset.models import extent, ofdm
 from echoset.models.checks import check, check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
 from echoset.models.parameters import resolve, sensor_model
@@ -44,7 +48,7 @@ def run(module, recording, settings, scans=None, seed=0):
 
 
 def distances(estimates, recording):
-    found = ospa_gw.score(estimates, recording, ospa_gw.Params())
+    found = ospa_gw.METRIC.score(estimates, recording, ospa_gw.METRIC.Params())
     return found.value[(np.array(found.part) == "") & ~np.isnan(found.time)]
 
 
@@ -126,6 +130,50 @@ def planar(kind: str, turned: float = 0.5) -> Recording:
     return recording
 
 
+def sea(c: np.ndarray, side: float, std: float, per_target: float, false: int) -> Recording:
+    """One look at round targets c (L, 2) of a standard deviation [m] in a square of clutter."""
+    rng = np.random.default_rng(11)
+    origin = np.repeat(np.arange(len(c)), rng.poisson(per_target, len(c)))
+    z = c[origin] + rng.normal(size=(len(origin), 2)) * np.hypot(std, 1.0)
+    z = np.vstack([z, rng.uniform(0, side, (false, 2))])
+    model = {"p_detect": 1.0, "std_position": 1.0, "clutter_region": [0.0, side, 0.0, side]}
+    rows = {"x": z[:, 0].copy(), "y": z[:, 1].copy()}
+    stream = Stream(
+        "position", ("A",), model, np.zeros(1, np.int64), np.array([0, len(z)], np.int64), {}, rows
+    )
+    at = Sensor("radar", np.zeros(1, np.int64), np.zeros((1, 3)), np.array([[0.0, 0, 0, 1]]))
+    recording = Recording(Meta("sea"), {"A": at}, {"A": stream})
+    check(recording)
+    return recording
+
+
+@pytest.mark.parametrize(
+    ("module", "each", "own"),
+    [(di_gsncp, 8.0, {"spread": 100.0}), (dbscan, 12.0, {"radii": (150.0, 250.0)})],
+    ids=["chain", "dbscan"],
+)
+def test_few_targets_on_a_wide_sea_are_found(module, each, own):
+    x, y = np.meshgrid(np.linspace(1000, 9000, 5), np.linspace(2000, 8000, 3))
+    c = np.stack([x.ravel(), y.ravel()], 1)
+    settings = {"cell": 200.0, "hard_core_radius": 500.0, "std_position": 100.0}
+    settings |= {"resolution": each / 1.25**2} | own
+    found = run(module, sea(c, 1e4, 100.0, each, 30), settings).objects.state[:, :2]
+    gap = np.linalg.norm(c[:, None] - found, axis=-1).min(1)
+    assert len(found) == 15
+    assert gap.max() < 4.5 * 100.0 * np.sqrt(2 / 4)
+
+
+def test_clusters_at_the_border_stay_where_they_are_and_those_beyond_are_dropped():
+    recording = sea(np.array([[-0.3, 20.0], [-9.0, 30.0], [25.0, 25.0]]), 50.0, 0.1, 40.0, 0)
+    z = np.stack([recording.streams["A"].rows[a] for a in "xy"], 1)
+    border = z[np.abs(z[:, 1] - 20) < 4.9]
+    means = np.array([border[border[:, 0] < 10].mean(0), z[z[:, 0] > 10].mean(0)])
+    assert means[0, 0] < 0
+    settings = {"resolution": 40 / 1.5, "radii": (3.0,), "neighbours": (1,)}
+    found = run(dbscan, recording, settings).objects.state[:, :2]
+    np.testing.assert_allclose(found[np.argsort(found[:, 0])], means, atol=1e-9)
+
+
 @pytest.mark.parametrize("kind", ["position", "range_bearing"])
 @pytest.mark.parametrize("module", [di_gsncp, dbscan, oracle], ids=["chain", "dbscan", "oracle"])
 def test_the_plane(kind, module):
@@ -204,6 +252,33 @@ def test_what_cannot_be_is_refused(recording):
         run(di_gsncp, recording, {"moves": (0.5, 0.2, 0.2, 0.1, 0.0, 0.0)})
 
 
+def test_every_radar_has_its_own_resolution(recording):
+    unlike = changed(recording, "R1", side=16, azimuth_factor=2.0, max_resolution=30.0)
+    streams = dict(unlike.streams)
+    model = {k: v for k, v in streams["R0"].model.items() if k != "bandwidth"}
+    streams["R0"] = replace(streams["R0"], model=model)
+    setting = ("", {"resolution": 7.0})
+    params = resolve(di_gsncp.Params, *sensor_model(recording, di_gsncp.Params), setting)
+    for radars in (unlike, replace(unlike, streams=streams)):
+        (_, scene), *_ = di_gsncp.scenes(radars.setup(), radars.scans(), params)
+        c, e = np.array([[20.0, 8, 4]]), np.array([[1.2, 0.1, 1.3, 0, 0.2, 1.1]])
+        told = [ofdm.Radar(), ofdm.Radar(side=16, azimuth_factor=2.0, max_resolution=30.0)]
+        r = [
+            float(ofdm.resolution(ofdm.State(radar, x, np.eye(3), np.zeros((0, 1))), c)[0])
+            for radar, x in zip(told, scene.position, strict=True)
+        ]
+        if radars is not unlike:
+            r[0] = 7.0
+        rho, _, _ = gsncp.columns(scene, c, e)
+        p, _, _ = gsncp.sensor(scene, c)
+        assert r[0] != r[1]
+        np.testing.assert_allclose(rho[0], p[0] * np.maximum(1, 1.2 * 1.3 * 1.1 * np.array(r)))
+        state = gsncp.empty(scene, 1)
+        put(state, c, e)
+        compiled.refresh(scene, state)
+        assert state.rho[0] == pytest.approx(rho.sum(), rel=1e-12)
+
+
 def test_targets_all_closer_than_the_hard_core_leave_one_estimate(recording):
     estimates = run(di_gsncp, recording, SHORT | {"hard_core_radius": 80.0})
     np.testing.assert_array_equal(np.diff(estimates.objects.row_offset), [1, 1])
@@ -254,3 +329,82 @@ def test_the_oracle_is_exact_without_noise_and_spread():
     found = run(oracle, replace(recording, streams=streams), {}).objects
     np.testing.assert_allclose(found.state[:, :2], recording.truth.objects.state[:, :2], atol=1e-9)
     np.testing.assert_allclose(found.state[:, [2, 4]], 1.0)
+
+
+def test_the_first_epoch_starts_from_clusters_too():
+    recording, hardly = planar("position"), {"burn_in": 500, "max_burn_in": 500, "block": 500}
+    settings = SHORT | {"resolution": 20.0, "explore": 0, "max_explore": 0} | hardly
+    settings |= {"moves": (0.5, 0.5, 0.0, 0.0, 0.0, 0.0)}
+    found = run(di_gsncp, recording, settings)
+    assert distances(found, recording)[0] < 0.6
+    assert len(run(di_gsncp, recording, settings | {"restart": False}).objects.state) == 0
+
+
+def test_an_undecided_number_leaves_a_state_of_the_number_shown():
+    recording = planar("position")
+    layers = {"resolution": 20.0, "block": 20, "explore": 40, "max_explore": 40, "max_targets": 20}
+    params = resolve(di_gsncp.Params, *sensor_model(recording, di_gsncp.Params), ("", layers))
+    (_, scene), *_ = di_gsncp.scenes(recording.setup(), recording.scans(), params)
+    scene.table[..., 0] = 0.0
+    scene, scale, undecided = scene._replace(p_false=1e-290), np.ones(2), 0
+    for seed in range(200):
+        state, rng = gsncp.empty(scene, 20), np.random.default_rng(seed)
+        whole = explore(scene, params, state, np.array([5e-3, 1e-2]), scale, rng)
+        ends = np.unique(whole.count[19::20])
+        undecided += len(ends) > 1
+        assert state.size[0] == max(ends, key=lambda L: (whole.count == L).sum())
+    assert undecided > 10
+
+
+def test_a_target_for_every_few_detections_is_not_cut():
+    x, y = np.meshgrid(np.arange(10, 120, 11.0), np.arange(10, 100, 11.0))
+    c = np.stack([x.ravel(), y.ravel()], 1)[:87]
+    recording = sea(c, 120.0, 0.3, 30.0, 20)
+    settings = SHORT | {"max_targets": 0, "resolution": 30 / 1.25**2, "std_position": 0.3}
+    found = run(di_gsncp, recording, settings)
+    assert np.diff(found.objects.row_offset).tolist() == [87]
+    assert len(run(dbscan, recording, {"resolution": 30 / 1.25**2}).objects.state) == 87
+
+
+def test_a_number_that_is_cut_is_told(caplog):
+    recording = planar("position")
+    found = run(di_gsncp, recording, SHORT | {"resolution": 20.0, "max_targets": 2})
+    assert [r.getMessage() for r in caplog.records] == [
+        "all 2 places were taken: there may be more, see max_targets"
+    ]
+    assert found.steps["cardinality_variance"][0] >= 1
+
+
+def test_the_papers_preset_states_regular_covariances():
+    params = radar_extended.Params(epochs=1)
+    recording = radar_extended.simulate(params, np.random.default_rng(5), "many")
+    found = run(di_gsncp, recording, di_gsncp.PRESETS["paper"]).objects
+    assert len(found.state) > 4
+    for P in found.covariance:
+        scale = np.sqrt(np.diag(P))
+        assert np.linalg.matrix_rank(P / scale / scale[:, None], tol=1e-6) == 9
+
+
+def test_effective_sample_size_is_that_of_what_is_averaged():
+    rng, n, a = np.random.default_rng(1), 40_000, 0.9
+    x = rng.normal(size=(n, 2, 9))
+    x[..., 5] = 0.0
+    for i in range(1, n):
+        x[i, 1, 3] = a * x[i - 1, 1, 3] + x[i, 1, 3]
+    assert di_gsncp.effective(x) == pytest.approx(n * (1 - a) / (1 + a), rel=0.15)
+    x[:, 0, 2] = 1.0
+    assert di_gsncp.effective(x) == 1.0
+    assert di_gsncp.effective(np.zeros((50, 0, 9))) == 50
+
+
+def test_tables_are_counted_before_they_are_made():
+    recording = sea(np.array([[5.0, 5.0]]), 500.0, 1.0, 10.0, 20)
+    params = resolve(di_gsncp.Params, *sensor_model(recording, di_gsncp.Params))
+    nodes = 202**2
+    tracemalloc.start()
+    list(di_gsncp.scenes(recording.setup(), recording.scans(), params))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak > nodes * 7 * 8
+    with pytest.raises(InputError, match=r"1 tables of 202 by 202 by 1 nodes need .* or cell"):
+        run(di_gsncp, recording, {"memory": peak / 1e9})

@@ -42,10 +42,17 @@ def plane(n: int = 30, spread: float = 1.0, uniform: float = 0.05) -> Scene:
     z = np.vstack([np.sort(rng.uniform(0, 12, n)), rng.uniform(0, 8, n), np.zeros(n)])
     return Scene(
         z, np.array([0, n]), table, np.zeros(3), np.ones(3), np.zeros(7), np.zeros((1, 3)),
-        np.eye(3)[None], np.array([0.0, 0, 0, 0, 2.0]), np.zeros(3), np.array([12.0, 8.0, 0.0]),
+        np.eye(3)[None], np.array([[0.0, 0, 0, 0, 2.0]]), np.zeros(3), np.array([12.0, 8.0, 0.0]),
         np.array([1.0, -0.5, 1, 0, 0, 1]), np.array([1.5, 0.5, 1.5, 0, 0, 1]), 3.0, 1e-3, 60.0,
         rng.uniform(0.5, 2.0, n), spread, uniform, True,
     )  # fmt: skip
+
+
+def half_seen(scene: Scene) -> Scene:
+    """A scene in the plane of which the half x < 6 m is seen, and the other is not."""
+    table = np.repeat(scene.table, 13, axis=1)
+    table[:, 6:, ..., 0] = 0.0
+    return scene._replace(table=table)
 
 
 def test_posterior_is_the_formula(world):
@@ -104,7 +111,7 @@ def test_a_problem_in_the_plane_is_one_in_space():
 @pytest.mark.parametrize("informed", [True, False])
 @pytest.mark.parametrize("flat", [True, False])
 def test_twins_make_the_same_chain(world, informed, flat):
-    scene = (plane() if flat else world[0])._replace(informed=informed)
+    scene = (half_seen(plane()) if flat else world[0])._replace(informed=informed)
     start = (np.zeros((0, 3)), np.zeros((0, 6))) if flat else world[1]
     rng, n = np.random.default_rng(3), 400
     points = scene.z.T[::7].copy()
@@ -130,23 +137,51 @@ def test_twins_make_the_same_chain(world, informed, flat):
     np.testing.assert_allclose(state2.shot, state.shot, rtol=1e-8, atol=1e-12)
 
 
+def test_half_a_plane_that_is_seen_holds_a_target_as_often_as_the_law_says():
+    scene, rng = half_seen(plane(0)), np.random.default_rng(4)
+    box = np.array([1.0, 0, 1, 0, 0, 1])
+    scene = scene._replace(e_lower=box, e_upper=box)
+    x = np.arange(0.005, 12, 0.01)
+    law = np.exp(-2 * np.interp(x, np.arange(13), np.where(np.arange(13) < 6, 0.9, 1e-3)))
+    exact = law[x < 6].sum() / law.sum()
+    state, seen = gsncp.empty(scene, 1), []
+    put(state, np.array([[3.0, 4, 0]]), box[None])
+    steps, scale = np.array([1.0, 0, 0, 0, 0, 0]), np.array([0.3, 1.0])
+    for _ in range(10_000):
+        run(scene, state, INTENSITY, NONE, steps, scale, 100, rng)
+        seen.append(float(state.c[0, 0] < 6))
+    share = np.array(seen)
+    error = np.sqrt(exact * (1 - exact) / effective_sample_size(share))
+    assert error < 0.02
+    assert abs(share.mean() - exact) < 4.5 * error
+
+
 @pytest.mark.parametrize("informed", [True, False])
-def test_steps_know_the_ratio_of_their_densities(world, informed):
-    scene, targets = world[0]._replace(informed=informed), world[1]
+@pytest.mark.parametrize("flat", [True, False])
+def test_steps_know_the_ratio_of_their_densities(world, informed, flat):
+    if flat:
+        scene = half_seen(plane())
+        targets = np.array([[5.5, 4.0, 0.0]]), np.array([[1.2, 0.2, 1.1, 0, 0, 1]])
+    else:
+        scene, targets, _ = world
+    scene = scene._replace(informed=informed)
+    open_, open_e = scene.upper > scene.lower, scene.e_upper > scene.e_lower
     scale, g = np.array([1.3, 0.2]), np.random.default_rng(5).normal(size=6)
     for l in range(len(targets[0])):
         (c, e), ratio = gsncp_moves.move_position(scene, targets, l, scale, g)
         ends = targets[0][l], c[l]
-        P = [np.linalg.inv(gsncp.columns(scene, x[None], e[l : l + 1])[2][0]) for x in ends]
+        A = [gsncp.columns(scene, x[None], e[l : l + 1])[2][0][open_][:, open_] for x in ends]
+        P = [np.linalg.inv(a) for a in A]
         forth, back = (
-            multivariate_normal(a, scale[0] ** 2 * S).logpdf(b)
+            multivariate_normal(a[open_], scale[0] ** 2 * S).logpdf(b[open_])
             for a, b, S in ((*ends, P[0]), (*ends[::-1], P[1]))
         )
         assert ratio == pytest.approx(back - forth, abs=1e-9)
 
         there, ratio = gsncp_moves.move_extent(scene, targets, l, scale, 0.05 * g)
         ends = targets[1][l], there[1][l]
-        std = [gsncp_moves.extent_step(scene, targets[0][l], x, scale) for x in ends]
+        std = [gsncp_moves.extent_step(scene, targets[0][l], x, scale)[open_e] for x in ends]
+        ends = ends[0][open_e], ends[1][open_e]
         forth, back = (
             norm(a, s).logpdf(b).sum() for a, b, s in ((*ends, std[0]), (*ends[::-1], std[1]))
         )
@@ -182,6 +217,26 @@ def gibbs(scene: Scene, intensity: float, n: int, rng: np.random.Generator) -> n
         if gsncp.feasible(scene, c, np.tile(scene.e_lower, (L, 1))):
             counts.append(L)
     return np.array(counts)
+
+
+def test_intensity_is_that_of_the_hard_core_process():
+    scene, rng, intensity = plane(0), np.random.default_rng(3), 0.04
+    area, count, estimate = 12.0 * 8.0, [], []
+    for L in rng.poisson(intensity * area, 6000):
+        c = rng.uniform(scene.lower, scene.upper, (L, 3))
+        if gsncp.feasible(scene, c, np.tile(scene.e_lower, (L, 1))):
+            count.append(L)
+            estimate.append(gsncp.room(scene, c))
+    count, estimate = np.array(count), np.array(estimate)
+    # Georgii, Nguyen, Zessin: the mean number is lambda times the mean volume left for another
+    excess = count - intensity * estimate
+    assert abs(excess.mean()) < 4.5 * excess.std() / np.sqrt(len(excess))
+    one = np.array([[6.0, 4.0, 0.0]])
+    exact = 1 / (area - np.pi * 3.0**2)
+    assert gsncp.intensities(scene, 1, 1.0, -1.0, gsncp.room(scene, one))[0] == pytest.approx(
+        exact, rel=0.01
+    )
+    assert gsncp.intensities(scene, 0, 0.0, 0.0, area) == pytest.approx([0.1 / area] * 2)
 
 
 def deviation(x: np.ndarray, reference: np.ndarray) -> float:

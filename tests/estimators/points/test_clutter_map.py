@@ -39,9 +39,43 @@ def test_what_stays_is_clutter_of_one_a_scan_and_what_moves_is_forgotten():
         seen = seen.learn(here, 10.0, 20.0, k * SECOND)
     assert seen.density(np.array([[52.0, 58.0]]), 10.0)[0] == pytest.approx(1 / 100, rel=1e-6)
     assert seen.density(np.array([[1000.0, 0.0]]), 10.0)[0] == 0.0
-    assert seen.rate.min() >= NEGLIGIBLE
-    # A cell lasts until its (1 - e^(-1/20)) e^(-t/20) is negligible: 78 scans.
-    assert len(seen.cells) == 1 + 78
+    assert seen.count.min() >= NEGLIGIBLE
+    # A cell lasts until e^(-t/20) of its detection is negligible: 78 scans, and that of it.
+    assert len(seen.cells) == 1 + 79
+
+
+@pytest.mark.parametrize("rate", [0.5, 10.0, 25.0, 100.0])
+def test_what_stays_is_clutter_at_any_rate_of_scans(rate):
+    seen, here = unknown(0), np.array([[55.0, 55.0]])
+    steps = round(400 * rate)
+    for k in range(1, steps + 1):
+        seen = seen.learn(here, 10.0, 30.0, round(k / rate * SECOND))
+    assert seen.density(here, 10.0)[0] == pytest.approx(1 / 100, rel=1e-4)
+
+
+def test_one_detection_after_a_pause_makes_no_clutter():
+    seen, here = unknown(0), np.array([[55.0, 55.0]])
+    for k in range(1, 100):
+        seen = seen.learn(np.zeros((0, 2)), 10.0, 60.0, k * SECOND)
+    seen = seen.learn(here, 10.0, 60.0, 700 * SECOND)
+    assert seen.density(here, 10.0)[0] * 100 < 0.11
+
+
+def test_cells_out_of_view_stay_as_they_are():
+    """Looked at every fourth time, with a detection each: as if the others had not been."""
+    always, turning, here = unknown(0), unknown(0), np.array([[55.0, 55.0]])
+    for k in range(1, 401):
+        in_view = k % 4 == 0
+        z = here if in_view else np.zeros((0, 2))
+        turning = turning.learn(z, 10.0, 60.0, k * SECOND, lambda x, v=in_view: np.full(len(x), v))
+        if in_view:
+            always = always.learn(here, 10.0, 60.0, k * SECOND)
+    a, b = (m.density(here, 10.0)[0] for m in (always, turning))
+    assert a == pytest.approx(b, rel=0.01) and b == pytest.approx(1 / 100, rel=0.01)
+    before = turning.density(here, 10.0)[0]
+    for k in range(401, 2000):
+        turning = turning.learn(z[:0], 10.0, 60.0, k * SECOND, lambda x: np.zeros(len(x), bool))
+    assert turning.density(here, 10.0)[0] == before
 
 
 def run(module, recording, **changes):

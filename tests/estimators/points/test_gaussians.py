@@ -102,6 +102,22 @@ def test_merging_keeps_weight_mean_and_spread(case):
 
 def test_strongest():
     w = np.array([0.1, 0.5, 0.0, 0.3, 0.5])
-    assert gaussians.strongest(w, 0.0, 9).tolist() == [0, 1, 3, 4]
-    assert gaussians.strongest(w, 0.1, 2).tolist() == [1, 4]
-    assert gaussians.strongest(w, 0.9, 2).tolist() == []
+    m = np.arange(10.0).reshape(5, 2)
+    assert gaussians.strongest(w, m, 0.0, 9).tolist() == [0, 1, 3, 4]
+    assert gaussians.strongest(w, m, 0.1, 2).tolist() == [1, 4]
+    assert gaussians.strongest(w, m, 0.9, 2).tolist() == []
+
+
+def test_of_equals_no_place_is_preferred_and_the_same_are_taken_in_any_order():
+    rng = np.random.default_rng(3)
+    values = np.sort(rng.uniform(-1, 1, (400, 2)), axis=0)
+    first = gaussians.falling(np.ones(400), values)
+    shuffled = rng.permutation(400)
+    again = shuffled[gaussians.falling(np.ones(400), values[shuffled])]
+    np.testing.assert_array_equal(first, again)
+    # The first half of the order: its indices have the mean of 200 drawn without putting back.
+    stderr = np.sqrt((400**2 - 1) / 12 / 200 * (1 - 200 / 400))
+    assert abs(first[:200].mean() - 199.5) < 4.5 * stderr
+    assert abs(np.corrcoef(first[:-1], first[1:])[0, 1]) < 4.5 / 20
+    heavy = np.array([0.2, 0.9, 0.5])
+    assert gaussians.falling(heavy, values[:3]).tolist() == [1, 2, 0]

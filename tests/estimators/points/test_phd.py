@@ -10,9 +10,10 @@ from scipy.stats import multivariate_normal
 
 from echoset.estimators.points import phd
 from echoset.estimators.points.sensing import look
+from echoset.estimators.points.streams import resolved
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
-from echoset.models.parameters import resolve
+from echoset.models.parameters import resolve, sensor_model
 from echoset.models.poses import yaw_quaternion
 from echoset.models.records import Sensor, Stream
 
@@ -211,7 +212,9 @@ def test_rates_per_time_do_not_depend_on_the_scans(make_recording):
     assert slow[1].steps["cardinality_mean"][0] == pytest.approx(0.8 * start + 0.2)
     fast = run(make_recording([[]] * 3, dt=0.5), **quiet)
     root = np.sqrt(0.8)
-    expected = (start * root + 0.1) * root + 0.1
+    half = 0.2 * (1 - root) / (1 - 0.8)
+    expected = (start * root + half) * root + half
+    assert expected == pytest.approx(0.8 * start + 0.2)
     assert fast[2].steps["cardinality_mean"][0] == pytest.approx(expected)
 
 
@@ -279,9 +282,9 @@ def test_reduction_caps_before_merging_and_merges_by_distance(make_recording):
     w, m = np.array([0.9, 0.8, 0.1]), np.array([[0, 0, 0, 0], [9, 0, 0, 0], [0.5, 0, 0, 0]], float)
     x = phd.Mixture(w, m, np.tile(0.01 * np.eye(4), (3, 1, 1)), np.arange(3))
     merged = {**BASE, "merge_by": "none", "merge_distance": 1.0, "max_components": 2}
-    assert phd.reduce(x, phd.Params(**merged)).w == pytest.approx([1.0, 0.8])
+    assert phd.reduce(x, phd.Params(**merged))[0].w == pytest.approx([1.0, 0.8])
     first = phd.Params(**merged, cap_before_merge=True)
-    assert phd.reduce(x, first).w == pytest.approx([0.9, 0.8])
+    assert phd.reduce(x, first)[0].w == pytest.approx([0.9, 0.8])
 
 
 def test_two_sensors_with_models_of_their_own(make_recording):
@@ -295,14 +298,20 @@ def test_two_sensors_with_models_of_their_own(make_recording):
             "mast": dataclasses.replace(other.streams["radar"], nodes=("mast",)),
         },
     )
-    params = phd.Params(**{**BASE, "p_detect": 0.9, "std_position": 1.0})
-    own = phd.per_stream(params, both)
+    rest = {k: v for k, v in BASE.items() if k not in ("p_detect", "std_position")}
+
+    def per_stream(**changes):
+        layers = (("rest", rest), ("--set", changes))
+        stated = sensor_model(both, phd.Params)
+        return phd.per_stream(resolved(phd.Params, both, stated, layers), both)
+
+    own = per_stream()
     assert (own["mast"].p_detect, own["radar"].p_detect) == (0.5, 0.9)
-    said = phd.per_stream(
-        dataclasses.replace(params, p_detect=0.7, sensors={"mast": {"std_position": 3}}), both
-    )
+    for p in (0.5, 0.9, 0.90001):
+        assert {v.p_detect for v in per_stream(p_detect=p).values()} == {p}
+    said = per_stream(p_detect=0.7, sensors={"mast": {"std_position": 3}})
     assert (said["mast"].p_detect, said["mast"].std_position) == (0.7, 3.0)
-    steps = run(both, merge_by="leader")
+    steps = run(both, merge_by="leader", sensors={"mast": {"p_detect": 0.5, "std_position": 2.0}})
     assert len(steps) == 5
     assert np.hypot(*(steps[-1].objects.state[0, :2] - [30.0, 70.0])) < 0.1
 
@@ -370,8 +379,9 @@ def test_a_crowd_that_every_component_explains_is_merged_in_seconds(make_recordi
     tracemalloc.start()
     start = time.process_time()
     (step,) = run(
-        make_recording([crowd]), birth_components=parts, regions={"left": (0.0, 50.0, 0.0, 100.0)}
-    )
+        make_recording([crowd]), birth_components=parts, max_components=100,
+        regions={"left": (0.0, 50.0, 0.0, 100.0)},
+    )  # fmt: skip
     assert time.process_time() - start < 10
     assert tracemalloc.get_traced_memory()[1] < 2**30
     tracemalloc.stop()

@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 
+from echoset.estimators.points.edge import detection_probability
 from echoset.estimators.points.kernels import births
-from echoset.estimators.points.sensing import (
-    Look,
-    SensorParams,
-    detection_probability,
-    expected,
-    look,
-    positions,
-)
+from echoset.estimators.points.sensing import Look, SensorParams, expected, look, positions
 from echoset.models.poses import yaw_quaternion
 from echoset.models.radar.detection import View
 from echoset.models.records import Sensor
@@ -102,7 +96,7 @@ def test_unscented_moments_are_those_of_samples(make_recording):
 def test_detection_by_mean_or_by_mass():
     view = View(-0.4, 0.4, 0.0, 100.0)
     here = Look(True, *(np.zeros((0, 2)),) * 2, np.zeros(0), np.zeros(2), np.zeros(2), np.eye(2),
-                view, 0.8)  # fmt: skip
+                view, 0.8, np.zeros(0))  # fmt: skip
     ray = 50 * np.array([np.cos(0.4), np.sin(0.4), 0.0, 0.0])
     m = np.array([[50.0, 0.0, 0.0, 0.0], ray, [-50.0, 0.0, 0.0, 0.0]])
     P = np.tile(4.0 * np.eye(4), (3, 1, 1))

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from echoset.metrics.kit import assignment
-from echoset.metrics.kit.assignment import Near, assign, matched, near
+from echoset.metrics.kit.assignment import CandidatePairs, assign, matched, near
 
 
 def ragged(rng: np.random.Generator, steps: int, most: int) -> tuple[np.ndarray, np.ndarray]:
@@ -39,7 +39,7 @@ def test_near_finds_what_a_loop_finds_in_blocks_of_any_size(monkeypatch):
             np.testing.assert_allclose(pairs.distance, [row[3] for row in expected], rtol=1e-14)
 
 
-def best(pairs: Near, gain: np.ndarray) -> float:
+def best(pairs: CandidatePairs, gain: np.ndarray) -> float:
     """Largest sum of gains over all sets of pairs without a common end."""
     most = 0.0
     for size in range(len(pairs) + 1):

@@ -6,54 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.sets import scene
 
 from echoset.formats.windows import part
 from echoset.metrics.beside import TruthWindow
 from echoset.metrics.kit.measured import Measured, finish
+from echoset.metrics.protocol import load
 from echoset.metrics.run import MetricRun
 from echoset.models import registry
 from echoset.models.errors import InputError
-from echoset.models.records import Estimates, Meta, Objects, Recording, Truth
+from echoset.models.records import Truth
 
-SECOND = 10**9
-BY_STEPS = [
-    name
-    for name in registry.names("echoset.metrics")
-    if hasattr(registry.load("echoset.metrics", name), "measure")
-]
-
-
-def some(rng: np.random.Generator, times: np.ndarray, labels: int, alone: bool) -> Objects:
-    """Objects with all that metrics look at, up to ``labels`` at a time."""
-    count = np.ones(len(times), int) if alone else rng.integers(0, labels + 1, len(times))
-    m = int(count.sum())
-    picked = [np.sort(rng.permutation(labels)[:c]) for c in count]
-    return Objects(
-        times,
-        np.concatenate(([0], np.cumsum(count))),
-        np.zeros(m, np.int64) if alone else np.concatenate(picked).astype(np.int64),
-        ("x", "y", "device_x", "device_y"),
-        ("m",) * 4,
-        rng.uniform(0, 10, (m, 4)),
-        covariance=np.tile(np.eye(4), (m, 1, 1)),
-        class_names=("a", "b"),
-        class_index=rng.integers(0, 2, m),
-        extent_kind="ellipse",
-        semi_axes=rng.uniform(0.5, 2, (m, 2)),
-        rotation=rng.uniform(0, 3, m),
-    )
-
-
-def scene(alone: bool) -> tuple[Estimates, Recording]:
-    """Estimates every second, and a truth at other times with a gap."""
-    rng = np.random.default_rng(4)
-    times = np.arange(60, dtype=np.int64) * SECOND
-    known = np.sort(rng.choice(np.arange(-3, 66), 50, replace=False)) * SECOND
-    provenance = {"estimator": "e", "parameters": {"regions": {"R": [0, 5, 0, 5]}}}
-    numbers = {"cardinality_mean": rng.uniform(0, 4, 60)}
-    numbers |= {f"region_{k}_R": rng.uniform(0, 4, 60) for k in ("mean", "variance")}
-    estimates = Estimates(Meta("r", provenance=provenance), some(rng, times, 5, alone), numbers)
-    return estimates, Recording(Meta("r"), {}, {}, Truth(some(rng, known, 4, alone)))
+BY_STEPS = [name for name in registry.names("echoset.metrics") if load(name).measure is not None]
 
 
 def rows(scores) -> list[tuple[object, ...]]:
@@ -65,10 +29,11 @@ def rows(scores) -> list[tuple[object, ...]]:
 @pytest.mark.parametrize("name", BY_STEPS)
 @pytest.mark.parametrize("size", [1, 7, 60])
 @pytest.mark.parametrize("skip", [0, 10])
-def test_windows_give_the_scores_of_the_whole(name, size, skip):
-    metric = registry.load("echoset.metrics", name)
+@pytest.mark.parametrize("max_gap", [2.0, None])
+def test_windows_give_the_scores_of_the_whole(name, size, skip, max_gap):
+    metric = load(name)
     has_span = "skip" in metric.Params.__dataclass_fields__
-    user = (("test", {"skip": skip, "max_gap": 2.0} if has_span else {}),)
+    user = (("test", {"skip": skip, "max_gap": max_gap} if has_span else {}),)
     for alone in (True, False):
         estimates, recording = scene(alone)
         truth = recording.truth.objects
@@ -76,11 +41,12 @@ def test_windows_give_the_scores_of_the_whole(name, size, skip):
         pieces = (
             replace(recording, truth=Truth(truth.part(k, min(k + 4, 50)))) for k in range(0, 50, 4)
         )
-        beside = TruthWindow(head, pieces, 2 * SECOND)
+        beside = TruthWindow(head, pieces)
         running = MetricRun(name, user, estimates, recording)
+        running.settle(beside.start)
         for k in range(0, 60, size):
             window = part(estimates, k, min(k + size, 60))
-            running.measure(window, beside.around(window.objects.time_ns))
+            running.measure(window, beside.around(window.objects.time_ns, running.gap))
         found = running.finish(required=False)
         try:
             whole = metric.score(estimates, recording, running.params)
@@ -107,7 +73,7 @@ def test_several_objects_one_after_the_other_are_not_one():
     estimates, recording = scene(alone=True)
     label = np.repeat([1, 2], 25)
     truth = replace(recording.truth.objects, label=label)
-    metric = registry.load("echoset.metrics", "rmse")
+    metric = load("rmse")
     parts = [
         metric.measure(estimates, replace(recording, truth=Truth(truth.part(*s))), metric.Params())
         for s in ((0, 25), (25, 50))

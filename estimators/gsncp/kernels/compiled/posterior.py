@@ -51,7 +51,7 @@ def sensor(scene: Scene, k: int, c: Array, out: Array) -> None:
 @njit(cache=True, error_model="numpy")
 def resolved(scene: Scene, k: int, c: Array) -> float:
     """Resolution of sensor state k at c: the cell without angles."""
-    cell = scene.cell
+    cell = scene.cell[k]
     if cell[0] == 0.0:
         return float(cell[4])
     flat2, q1, q2 = 0.0, 0.0, 0.0
@@ -144,6 +144,10 @@ def column(
             else:
                 fresh[m] = 0.0
     A[0, 1], A[0, 2], A[1, 2] = A[1, 0], A[2, 0], A[2, 1]
+    for a in range(3):
+        if not scene.upper[a] > scene.lower[a]:
+            A[a, :], A[:, a] = 0.0, 0.0
+            A[a, a] = 1.0
     return total
 
 
@@ -194,8 +198,8 @@ def put(state: State, l: int, first: Array, last: Array, fresh: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def refresh(scene: Scene, state: State) -> None:
-    """Compute all that follows from size, c and e."""
-    state.eta[:] = 0.0
+    """Compute all that follows from size, c and e; eta is zero beyond size."""
+    state.eta[: state.size[0]] = 0.0
     state.shot[:] = 0.0
     state.first[:], state.last[:] = 0, 0
     for l in range(state.size[0]):

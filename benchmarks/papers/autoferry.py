@@ -1,4 +1,4 @@
-"""Filters on measured marine radar as a table: ``python -m papers.autoferry_table``.
+"""Filters on measured marine radar as a table: ``python -m papers.autoferry``.
 
 Four scenarios of the Autoferry benchmark from ``$ECHOSET_DATA`` or ``../shared/data``, by the radar
 alone and with the lidar. Everything is scored at the scans of the radar, where ``empty`` is no
@@ -17,17 +17,17 @@ from echoset.estimators.presets import presets
 from echoset.estimators.run import Estimation
 from echoset.formats.importers import autoferry
 from echoset.formats.windows import concatenate
-from echoset.metrics.gospa import Params, gospa
+from echoset.metrics.gospa import METRIC, gospa
 from echoset.metrics.kit.assignment import assign
 from echoset.metrics.kit.series import mean_stderr
-from echoset.metrics.kit.sets import Sets, members, sets
+from echoset.metrics.kit.sets import AlignedSets, sets
 from echoset.models.records import Array, Estimates, Meta, Objects, Recording
 
 ROOT = Path(os.environ.get("ECHOSET_DATA", Path(__file__).parents[3] / "shared" / "data"))
 SCENARIOS = (2, 3, 13, 17)
 SENSORS = {"radar": ("radar",), "radar + lidar": ("radar", "lidar")}
 FILTERS = ("phd", "mbm")
-SPAN = Params(order=2.0, cutoff=20.0)
+SCORED = METRIC.Params(order=2.0, cutoff=20.0)
 BLOCK = 12
 """Scans in a block of the bootstrap: 20 s."""
 CAPTION = """\
@@ -48,9 +48,9 @@ def objects(time_ns: Array, offset: Array, position: Array) -> Objects:
     return Objects(time_ns, offset, label, ("x", "y"), ("m", "m"), position)
 
 
-def aligned(found: Objects, recording: Recording) -> Sets:
+def aligned(found: Objects, recording: Recording) -> AlignedSets:
     """Estimates beside the truth."""
-    return sets(Estimates(Meta("", provenance={"estimator": ""}), found, {}), recording, SPAN)
+    return sets(Estimates(Meta("", provenance={"estimator": ""}), found, {}), recording, SCORED)
 
 
 def empty(recording: Recording) -> Objects:
@@ -70,7 +70,7 @@ def oracle(recording: Recording) -> Objects:
         rows = slice(*radar.row_offset[scan : scan + 2])
         vessels = true.position_truth[slice(*true.truth.row_offset[k : k + 2])]
         distance = np.linalg.norm(z[rows, None] - vessels, axis=2)
-        reached = distance.min(0, initial=np.inf) < SPAN.cutoff
+        reached = distance.min(0, initial=np.inf) < SCORED.cutoff
         chosen.append(z[rows][distance[:, reached].argmin(0)] if reached.any() else z[:0])
     offset = np.cumsum([0, *map(len, chosen)])
     return objects(radar.time_ns[true.steps], offset, np.concatenate(chosen))
@@ -83,9 +83,8 @@ def filtered(name: str, recording: Recording) -> Objects:
     run = asked.on(recording.setup(), recording.meta.name)
     found = concatenate(list(run.steps(recording.scans()))).objects
     at = np.flatnonzero(np.isin(found.time_ns, recording.streams["radar"].time_ns))
-    rows, count = members(found.row_offset, at)
-    offset = np.concatenate(([0], np.cumsum(count)))
-    return objects(found.time_ns[at], offset, found.columns("x", "y")[rows])
+    some = found.at(at)
+    return objects(some.time_ns, some.row_offset, some.columns("x", "y"))
 
 
 def ratio(numerator: Array, denominator: Array) -> tuple[float, float]:
@@ -106,9 +105,9 @@ def columns(found: Objects, recording: Recording) -> Iterator[str]:
     """The cells of a row behind its name."""
     both = aligned(found, recording)
     n = len(both)
-    values = gospa(both, SPAN.order, SPAN.cutoff)
-    pairs = both.near(SPAN.cutoff)
-    own = pairs.take(assign(pairs, SPAN.cutoff**SPAN.order - pairs.distance**SPAN.order))
+    values = gospa(both, SCORED.order, SCORED.cutoff)
+    pairs = both.near(SCORED.cutoff)
+    own = pairs.take(assign(pairs, SCORED.cutoff**SCORED.order - pairs.distance**SCORED.order))
     label = both.truth.label
     step = np.repeat(np.arange(n), both.counts[0])
     tracked = np.bincount(own.first, minlength=len(label))

@@ -1,4 +1,4 @@
-"""The device on a measured recording as a table: ``python -m papers.labyrinth_table``.
+"""The device on a measured recording as a table: ``python -m papers.labyrinth``.
 
 The Labyrinth Dataset (Tim Pfeifer, TU Chemnitz), from ``$ECHOSET_DATA`` or ``../shared/data``: a
 robot with UWB two-way ranging to four anchors, one range at a time. Root mean square error over all

@@ -1,0 +1,109 @@
+"""The border of the view: how likely who is astride it is detected, and where who is missed is."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import ndtri
+
+from ...models.radar.detection import View, polar
+from ...models.records import Array
+from ...models.regions import mass
+from .kernels import pieces
+from .sensing import Look
+
+REACH = 5.0
+"""Standard deviations from the border of the view, beyond which no mass crosses it."""
+PART = 0.01
+"""Mass on either side of the border, from which on a Gaussian is astride it."""
+FLAT = 1e-3
+"""Change of the mass in view over a deviation, below which it has no direction."""
+
+
+def inside(look: Look, m: Array, P: Array, fov_mass: bool) -> Array:
+    """Mass (J,) of Gaussians inside the view, or all or nothing by their means."""
+    if look.view == View():
+        return np.ones(len(m))
+    local = (m[:, :2] - look.position) @ look.rotation
+    found = look.view.contains(*polar(local)).astype(float)
+    if fov_mass:
+        reach = REACH * np.sqrt(np.trace(P[:, :2, :2], axis1=1, axis2=2))
+        near = look.view.distance(local) < reach
+        if near.any() and look.view.width > 0:
+            end = float((np.hypot(*local[near].T) + 2 * reach[near]).max())
+            spread = look.rotation.T @ P[near, :2, :2] @ look.rotation
+            found[near] = mass(local[near], spread, look.view.corners(end=end))
+    return found
+
+
+def detection_probability(look: Look, m: Array, P: Array, fov_mass: bool) -> Array:
+    """Probability (J,) that a target with this mean and covariance is in view and detected.
+
+    One minus it is that of a miss. What multiplies the likelihood of a detection z is that of the
+    Gaussian *updated* by z: the integral of 1_V(x) l(z|x) N(x) is the likelihood of z times the
+    mass of the updated Gaussian in the view V.
+    """
+    return np.asarray(look.p_detect * inside(look, m, P, fov_mass))
+
+
+def unseen(
+    look: Look, m: Array, P: Array, visible: Array, fov_mass: bool
+) -> tuple[Array, Array, Array]:
+    """Probability (J,) that ``visible`` targets are detected, and their m, P if they are missed.
+
+    Of one astride the border of the view the part outside weighs more then: the moments are those
+    of its pieces, and what is in view of the Gaussian is as likely as it has become, so that who is
+    never looked at is not forgotten bit by bit.
+    """
+    p = detection_probability(look, m, P, fov_mass)
+    share = p / (look.p_detect or 1.0)
+    edge = np.flatnonzero((share > PART) & (share < 1 - PART)) if fov_mass else np.zeros(0, int)
+    if not len(edge):
+        return p, m, P
+    across = _inwards(look, m[edge], P[edge])
+    parts, narrow = pieces.split(m[edge], P[edge], across)
+    J, k, dx = parts.shape
+    each = inside(look, parts.reshape(-1, dx), np.repeat(narrow, k, axis=0), True).reshape(J, k)
+    hit = look.p_detect * visible[edge, None]
+    w = pieces.WEIGHT * (1 - hit * each)
+    mean, spread = pieces.united(w + 1e-12, parts, narrow)
+    before = each @ pieces.WEIGHT
+    after = before * (1 - hit[:, 0]) / np.maximum(1 - hit[:, 0] * before, 1e-12)
+    m, P = m.copy(), P.copy()
+    m[edge], P[edge] = _pushed_out(m[edge], P[edge], mean, spread, across, before, after)
+    p[edge] = look.p_detect * before
+    return p, m, P
+
+
+def _inwards(look: Look, m: Array, P: Array) -> Array:
+    """Direction (J, 2) in which the mass in view grows, zero where there is none."""
+    step = 0.5 * np.sqrt(np.diagonal(P[:, :2, :2], axis1=1, axis2=2))
+    change = np.zeros((len(m), 2))
+    for axis in (0, 1):
+        ahead, behind = m.copy(), m.copy()
+        ahead[:, axis] += step[:, axis]
+        behind[:, axis] -= step[:, axis]
+        change[:, axis] = inside(look, ahead, P, True) - inside(look, behind, P, True)
+    return np.where(np.abs(change) < FLAT, 0.0, change / step)
+
+
+def _pushed_out(
+    m: Array, P: Array, mean: Array, spread: Array, across: Array, before: Array, after: Array
+) -> tuple[Array, Array]:
+    """The moments ``mean``, ``spread`` of m, P once missed, with the mass ``after`` in view.
+
+    With a border that is straight over a deviation, distance and deviation share what is needed.
+    """
+    u = across / np.maximum(np.hypot(*across.T), 1e-300)[:, None]
+    std, now = (np.sqrt(np.einsum("ja,jab,jb->j", u, A[:, :2, :2], u)) for A in (P, spread))
+    border = np.einsum("ja,ja->j", u, m[:, :2]) - ndtri(before) * std
+    gap = border - np.einsum("ja,ja->j", u, mean[:, :2])
+    wanted = -ndtri(np.maximum(after, PART / 2))
+    short = (gap > 0.1 * now) & (gap < wanted * now)
+    f = np.ones(len(m))
+    f[short] = np.sqrt(wanted[short] * now[short] / gap[short])
+    # Along the regression of the state on the distance from the border.
+    d = (spread[:, :, :2] @ u[..., None])[..., 0] / np.maximum(now, 1e-300)[:, None]
+    shift = np.where(short, (1 - f) * gap, 0.0) / np.maximum(now, 1e-300)
+    return mean + shift[:, None] * d, spread - (1 - f[:, None, None] ** -2) * d[:, :, None] * d[
+        :, None, :
+    ]

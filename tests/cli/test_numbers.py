@@ -1,0 +1,104 @@
+"""Numbers without bounds are refused in a line, by whatever they would have broken."""
+
+from __future__ import annotations
+
+import dataclasses
+import signal
+
+import pytest
+
+from echoset.cli.main import main
+from echoset.models import registry
+
+FEW = {"uwb-olos": "steps=5", "uwb-los": "steps=5", "jsc-6bs": "scans=2", "many": "steps=5"}
+FEW |= {"crossing": "steps=5", "meeting": "steps=5", "surveillance": "steps=3"}
+SCENES = {"eopda": "uwb-los", "phd": "crossing", "mbm": "crossing", "ap-pda": "uwb-los"}
+VALUES = (
+    *("0", "-1", "1", "2", "0.5", "3.7", "-0.0", "1e-300", "1e-5", "1e9", "1e18", "1e30", "1e200"),
+    *("1e308", "-1e308", "9223372036854775808", "1" * 400, ".inf", "-.inf", ".nan", "", "x"),
+    *("[]", "[0]", "[1, 2]", "[1e308, 1e308, 1e308, 1e308]", "[[1, 2], [3, 4]]", "{}", "{a: 1}"),
+    *("true", "null"),
+)
+
+
+class Slow(BaseException):
+    """It would take long, which is no fault."""
+
+
+def refused(result):
+    assert result.code in (2, 4, 7, 75) and result.err.count("\n") == 1, result
+    assert "internal error" not in result.err
+
+
+@pytest.mark.parametrize(
+    ("scenario", "setting"),
+    [
+        ("uwb-los", "steps=1e30"),
+        ("uwb-los", "steps=9223372036854775808"),
+        ("uwb-los", "mean_clutter=1e30"),
+        ("uwb-los", "snr_db=1e9"),
+        ("uwb-los", f"amplitude_threshold={'1' * 400}"),
+        ("crossing", "dt=1e200"),
+        ("meeting", "last=[1e308]"),
+        ("surveillance", "filter=0"),
+        ("surveillance", "filter=[1, 2]"),
+    ],
+)
+def test_scenarios(run, tmp_path, scenario, setting):
+    words = [w for s in (FEW[scenario], setting) for w in ("--set", s)]
+    refused(run("simulate", scenario, *words, "-o", tmp_path / "x.h5"))
+    assert not (tmp_path / "x.h5").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "setting"),
+    [
+        ("phd", "std_position=1e200"),
+        ("phd", "std_acceleration=1e200"),
+        ("phd", "clutter_cell=1e200"),
+        ("phd", "max_components=1e308"),
+    ],
+)
+def test_estimators(run, tmp_path, name, setting):
+    rec = tmp_path / "rec.h5"
+    assert run("simulate", "crossing", "--set", "steps=5", "-o", rec).code == 0
+    refused(run("estimate", "-e", name, rec, "--set", setting, "-o", tmp_path / "x.h5"))
+
+
+@pytest.mark.verification
+@pytest.mark.parametrize("group", ["scenarios", "estimators"])
+def test_every_parameter(capfd, tmp_path, group):
+    """Each parameter of each scenario and estimator by itself: no internal error."""
+
+    def late(*_):
+        raise Slow
+
+    def call(*words: object) -> object:
+        signal.signal(signal.SIGALRM, late)
+        signal.setitimer(signal.ITIMER_REAL, 5)
+        try:
+            return main([*map(str, words), "--overwrite", "--memory", "3G", "-q"])
+        except Slow:
+            return None
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+
+    out, faults = tmp_path / "x.h5", []
+    for name in registry.names(f"echoset.{group}"):
+        if group == "scenarios":
+            words: list[object] = ["simulate", name]
+            few = [FEW[name]] if name in FEW else []
+        else:
+            scene = next((s for key, s in SCENES.items() if key in name), "radar-extended")
+            steps = ["--set", FEW[scene]] if scene in FEW else []
+            assert call("simulate", scene, *steps, "-o", tmp_path / "rec.h5") == 0
+            words = ["estimate", "-e", name, tmp_path / "rec.h5"]
+            few = ["particles=50"] if "pda" in name else []
+        fields = dataclasses.fields(registry.load(f"echoset.{group}", name).Params)
+        for key, value in ((f.name, v) for f in fields for v in VALUES):
+            settings = [*(s for s in few if s.split("=")[0] != key), f"{key}={value}"]
+            code = call(*words, *(w for s in settings for w in ("--set", s)), "-o", out)
+            error = capfd.readouterr().err
+            if code not in (None, 0, 2, 4, 7, 75) or error.count("\n") != (code not in (0, None)):
+                faults.append((name, key, value, code, error))
+    assert not faults
