@@ -169,8 +169,8 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
     segments = [f"{a}-{b}" for a, b in SEGMENTS]
     head = ["", "mean", "published", *segments, "runs lost", "s a step", "published"]
     # pictures tell estimators by name alone: of each, the walks of the paper
-    as_published = {name: table for name, table in tables.items() if " " not in name}
-    everything = replace(Scores.join([*as_published.values(), *map(bounds, BOUNDS)]), provenance={})
+    as_published = [table for name, table in tables.items() if " " not in name]
+    everything = replace(Scores.join([*as_published, *map(bounds, BOUNDS)]), provenance={})
     pooled = pool(everything)
     for kind, record in (("rmse", (recording(0),)), ("cdf", ())):
         inputs = Inputs(recordings=record, scores=everything, pooled=pooled)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from papers import marks_eopda as marks
+from papers import uwb as marks
 
 from echoset.estimators.run import Estimation
 from echoset.models.records import Meta, Recording, Sensor, Stream
