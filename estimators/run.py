@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 from time import perf_counter
 from typing import Any
@@ -77,6 +77,8 @@ class EstimatorRun:
     setup: Recording
     params: Any
     label: str
+    found: dict[str, Any] = field(default_factory=dict)
+    """What the estimator assumed or learnt, as its steps state it in ``found`` of their meta."""
 
     def steps(self, scans: Iterator[Scan]) -> Iterator[Estimates]:
         """The estimates, step by step, of all ``scans`` of the recording.
@@ -112,6 +114,7 @@ class EstimatorRun:
             except FormatError as error:
                 reason = f"{error.where} {error.reason}"
                 raise EstimatorError(f"{self.label}: step {number}: {reason}") from error
+            self.found.update(step.meta.provenance.get("found", {}))
             yield step, seconds
         deque(scans, maxlen=0)
         if number == 1:
@@ -132,4 +135,6 @@ class EstimatorRun:
             "seed": self.asked.seed,
             "versions": dict(versions),
         }
+        if self.found:
+            found["found"] = dict(self.found)
         return {**found, "input": {k: v for k, v in input.items() if v}} if digest else found

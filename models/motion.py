@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .records import Array
@@ -28,3 +30,26 @@ def white_acceleration(dt: float) -> Array:
     """
     I = np.eye(2)
     return np.block([[dt**3 / 3 * I, dt**2 / 2 * I], [dt**2 / 2 * I, dt * I]])
+
+
+STEP = 0.1
+"""Time [s] to which the standard deviations of a device's motion and random walks refer."""
+
+
+def acceleration_variance(std: float, dt: float) -> float:
+    """Variance over ``dt`` [s] of an acceleration with ``std`` per step of 0.1 s.
+
+    A velocity gains the same variance in any number of steps.
+    """
+    return std**2 * STEP / dt if dt > 0 else 0.0
+
+
+def motion_noise(std: float, dt: float) -> Array:
+    """Covariance (4, 4) that x y vx vy gain over ``dt`` [s]."""
+    _, G = constant_velocity(dt)
+    return np.asarray(acceleration_variance(std, dt) * G @ G.T)
+
+
+def walk_std(std: Any, dt: float) -> Any:
+    """Standard deviation of a random walk over ``dt`` [s] from its ``std`` per step of 0.1 s."""
+    return std * np.sqrt(dt / STEP)

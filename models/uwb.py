@@ -1,10 +1,11 @@
 """Ranges of an ultra-wideband network: path lengths, free-space amplitudes and range noise.
 
-Positions are (..., 2) and broadcast against each other.
+Positions are (..., 2), or (..., 3) where heights count, and broadcast against each other.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from .records import Array
 
 SPEED_OF_LIGHT = 299_792_458.0
 """Speed of light [m/s]."""
+CELLS = 200
+"""Cells a side in which the area of a region is counted."""
 
 
 def range_std(amplitude: Any, rms_bandwidth: float) -> Any:
@@ -32,7 +35,15 @@ def free_space_amplitude(path_length: Any, snr_db: float) -> Any:
 def distance(start: Array, end: Array) -> Array:
     """Length (...) [m] of the direct path between two positions; of the LOS path in eq. (4)."""
     length: Array = np.hypot(start[..., 0] - end[..., 0], start[..., 1] - end[..., 1])
+    if start.shape[-1] == 3:
+        length = np.hypot(length, start[..., 2] - end[..., 2])
     return length
+
+
+def at_height(position: Array, height: Any) -> Array:
+    """Positions (..., 3) of points (..., 2) of the plane that are ``height`` (...) [m] above it."""
+    z = np.broadcast_to(height, position.shape[:-1])
+    return np.concatenate((position, z[..., None]), axis=-1)
 
 
 def scatter_distance(tx: Array, scatterer: Array, rx: Array) -> Array:
@@ -64,3 +75,56 @@ def error_bound(points: Array, anchors: Array, std: Array) -> Array:
     regular = determinant > 1e-12 * trace**2
     square = np.divide(trace, determinant, out=np.full_like(trace, np.inf), where=regular)
     return np.asarray(np.sqrt(square))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Region:
+    """Where a device may be: within ``reach`` [m] of an anchor (J, 2), or in a ``box``.
+
+    The box is x min, y min, x max, y max [m].
+    """
+
+    anchors: Array
+    reach: float
+    box: tuple[float, float, float, float] | None = None
+
+    def limits(self) -> tuple[Array, Array]:
+        """Corners (2,), (2,) of the bounding box."""
+        if self.box is not None:
+            return np.array(self.box[:2]), np.array(self.box[2:])
+        return self.anchors.min(0) - self.reach, self.anchors.max(0) + self.reach
+
+    def contains(self, p: Array) -> Array:
+        """Whether points (2, n) are inside."""
+        low, high = self.limits()
+        inside = (p >= low[:, None]).all(0) & (p <= high[:, None]).all(0)
+        if self.box is None:
+            away = ((p[:, None] - self.anchors.T[:, :, None]) ** 2).sum(0).min(0)
+            inside &= away <= self.reach**2
+        return np.asarray(inside)
+
+    def cells(self) -> Array:
+        """Centres (2, n) of the cells of a grid that are inside."""
+        low, high = self.limits()
+        side = (np.arange(CELLS) + 0.5) / CELLS
+        grid = np.stack(np.meshgrid(side, side)).reshape(2, -1)
+        p = low[:, None] + (high - low)[:, None] * grid
+        return np.asarray(p[:, self.contains(p)])
+
+    def area(self) -> float:
+        """Area [m^2]."""
+        low, high = self.limits()
+        return float(self.cells().shape[1] / CELLS**2 * np.prod(high - low))
+
+    def covariance(self) -> Array:
+        """Covariance (2, 2) [m^2] of a uniform position."""
+        return np.cov(self.cells(), bias=True)
+
+    def draw(self, n: int, rng: np.random.Generator) -> Array:
+        """``n`` uniform points (2, n)."""
+        low, high = self.limits()
+        found = np.zeros((2, 0))
+        while found.shape[1] < n:
+            p = low[:, None] + (high - low)[:, None] * rng.random((2, 2 * n))
+            found = np.concatenate((found, p[:, self.contains(p)]), 1)
+        return found[:, :n]

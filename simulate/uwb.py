@@ -20,7 +20,7 @@ from ..models.columns import ACTIVE, PASSIVE
 from ..models.parameters import parameter, require
 from ..models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
 from ..models.scatter import sector
-from ..models.uwb import device_position, distance, free_space_amplitude, range_std
+from ..models.uwb import at_height, device_position, distance, free_space_amplitude, range_std
 
 SUMMARY = "UWB network around an extended object with a device: active and passive ranges"
 LABEL = 0
@@ -31,6 +31,8 @@ SENSOR_MODEL = (
     "rms_bandwidth",
     "amplitude_threshold",
     "opening_angle",
+    "snr_db",
+    "width",
 )
 """Parameters that a recording states about its sensors."""
 
@@ -41,8 +43,13 @@ class Params:
 
     steps: int = parameter(180, "1", "number of time steps", within="[1, inf)")
     dt: float = parameter(0.1, "s", "time between steps; step k is at k dt", within="(0, inf)")
-    anchors: tuple[tuple[float, float], ...] = parameter(
-        ((4.0, 4.5), (0.0, 0.5), (6.5, 0.0)), "m", "positions of the anchors A1, A2, ..."
+    anchors: tuple[tuple[float, ...], ...] = parameter(
+        ((4.0, 4.5), (0.0, 0.5), (6.5, 0.0)),
+        "m",
+        "positions of the anchors A1, A2, ...: x, y, or x, y, height above the floor",
+    )
+    device_height: float | None = parameter(
+        None, "m", "height of device and object, where anchors have heights", within="[0, inf)"
     )
     path: tuple[tuple[float, float], ...] = parameter(
         ((0.6, 1.2), (1.8, 2.6), (3.2, 3.4), (4.4, 2.6), (4.6, 1.4), (5.4, 0.8), (6.4, 1.6)),
@@ -82,6 +89,11 @@ class Params:
 
     def __post_init__(self) -> None:
         require(len(self.anchors) >= 1, "anchors", "at least one position", self.anchors)
+        axes = {len(anchor) for anchor in self.anchors}
+        require(axes <= {2, 3}, "anchors", "positions of two or three numbers", self.anchors)
+        require(len(axes) == 1, "anchors", "all with a height, or none", self.anchors)
+        told = (axes == {3}) == (self.device_height is not None)
+        require(told, "device_height", "told where anchors have heights", self.device_height)
         moves = len(self.path) >= 2 and all(a != b for a, b in pairwise(self.path))
         require(moves, "path", "two or more points, each unlike the one before", self.path)
         for first, last, anchor in self.blocked:
@@ -110,6 +122,8 @@ def simulate(params: Params, rng: np.random.Generator, name: str) -> Recording:
     event, rows = _detections(params, x[step - 1, :2], device[step - 1], mode, tx, rx, rng)
     offset = np.searchsorted(event, np.arange(len(step) + 1)).astype(np.int64)
     model = {key: getattr(params, key) for key in SENSOR_MODEL} | {"mean_los": 1.0}
+    if params.device_height is not None:
+        model["device_height"] = params.device_height
     scan = {"mode": mode, "tx": tx, "rx": rx}
     uwb = Stream("uwb", nodes, model, time_ns, offset, scan, rows)
     return Recording(Meta(name), sensors, {"uwb": uwb}, truth)
@@ -171,6 +185,8 @@ def _detections(
     """Event index, in order, and columns of what is detected; centre and device (events, 2)."""
     n = len(mode)
     anchors = np.array(params.anchors)
+    if params.device_height is not None:
+        device = at_height(device, params.device_height)
     a_rx = anchors[rx]
     a_tx = np.where((mode == ACTIVE)[:, None], device, anchors[np.minimum(tx, len(anchors) - 1)])
 
@@ -178,7 +194,9 @@ def _detections(
     hit = np.repeat(np.arange(n), rng.poisson(params.mean_scatter, n))
     u, s = rng.random((2, len(hit)))
     axes = np.array(params.semi_axes)
-    q = sector(u, s, centre[hit], a_rx[hit], axes, params.width, params.opening_angle)
+    q = sector(u, s, centre[hit], a_rx[hit, :2], axes, params.width, params.opening_angle)
+    if params.device_height is not None:
+        q = at_height(q, params.device_height)
     path = np.concatenate(
         (distance(device[los], a_rx[los]), distance(a_tx[hit], q) + distance(q, a_rx[hit]))
     )

@@ -14,9 +14,10 @@ import numpy as np
 from ...models.parameters import parameter
 from ...models.records import Array
 from . import params as device_params
-from .filter import DeviceFilter, Target
+from .device_filter import DeviceFilter
 from .kernels.compiled.link_likelihood import point
 from .links import Links
+from .state import State, Target
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,10 +29,19 @@ class Params(device_params.Params):
         0.95, "1", "probability that a link has a range of the object", within="(0, 1)"
     )
 
+    def expected(self, active: int, passive: int) -> float:
+        """No mean number: at most one range of the object a link, which has its own probability."""
+        return 0.0
 
-def log_likelihood(y: Array, device: Array, anchors: Array, links: Links, params: Params) -> Array:
-    """Log-likelihood (N,) of particles ``y``; see :mod:`.kernels.link_likelihood`."""
-    return point(y[:2], device, y[-1], anchors, *links, params.clutter, params.p_detect)
+
+def log_likelihood(
+    state: State, anchors: Array, links: Links, excess: tuple[Array, Array], params: Params
+) -> Array:
+    """Log-likelihood (N,) of particles; see :mod:`.kernels.link_likelihood`."""
+    y, density = state.y, params.clutter
+    own = point(y[:2], state.device, y[-1], anchors, *links, *excess, density, params.p_detect)
+    total: Array = own + len(links.z) * np.log(density)
+    return total
 
 
 ACTIVE_PASSIVE = DeviceFilter(

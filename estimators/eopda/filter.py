@@ -1,278 +1,311 @@
-"""Particle filter for a device that an object carries among UWB anchors.
+"""Particle filter for a UWB device, carried by an object or alone, among anchors.
 
 The filter of Zhu et al., "Multi-Sensor Fusion of Active and Passive Measurements for Extended
-Object Tracking": each particle carries all variables, ``y = (p, v, b_rho, b_phi, extent)`` and a
-constant range bias. What the object looks like to the links is a :class:`Target`; the modules
-``eopda_geo``, ``eopda_ideal`` and ``ap_pda`` say it.
+Object Tracking": each particle carries all variables, ``y = (p, v, b_rho, b_phi, extent)``, here
+with the height, and a Gaussian of what ranges have too much. What the object looks like to the
+links is a :class:`~.state.Target`; :mod:`.geo`, :mod:`.ideal` and :mod:`.ap_pda` say it, and
+:mod:`.position` has none.
 
 A step is: predict motion and extent; weigh by the passive links, which see only the object;
 resample; turn the device about the object by a proposal that looks at its lines of sight; weigh by
-the active links; extract; resample. The first step samples its posterior by tempering, from a prior
-that knows the anchors' bounding box and nothing else.
+the active links; extract; resample. The start is :mod:`.start`'s; where ranges contradict the
+particles for a while, or after a pause, there is another one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from math import pi, sqrt
-from typing import Any
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from math import log, sqrt
 
 import numpy as np
-from scipy.special import ndtr
 
 from ...models.errors import EstimatorError
-from ...models.motion import constant_velocity
-from ...models.records import Array, Estimates, Meta, Objects, Recording, Scan
-from ...models.uwb import device_position
+from ...models.motion import STEP, acceleration_variance, constant_velocity, walk_std
+from ...models.records import Array
 from .kernels.compiled.bias_proposal import propose_bias
-from .links import Links, Network, link_steps, network
+from .links import Links
+from .lost import Doubt, merge, search, surprise
 from .params import Params
-from .resampling import effective_sample_size, normalise, systematic
-from .tempering import temper
+from .resampling import effective_sample_size, log_mean, normalise, systematic
+from .start import SPAN, start
+from .state import Belief, Event, Height, State, Step, Target, moments
+from .weighing import excess, weigh_active, weigh_object
 
-STEP = 0.1
-"""Time [s] to which the standard deviations of the random walks refer."""
 GUARD = 4.0
 """Weight of ranges that are not the line of sight in the proposal, in units of clutter."""
-SHRINKAGE = 0.1
-"""Kernel width that keeps the constant range bias alive, see :func:`reduce`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Target:
-    """What a carrying object looks like to the links.
-
-    ``extent`` names its variables [m]; ``prior`` (low, high) and ``walk`` give, for each, the
-    uniform prior and the random walk per 0.1 s. ``log_likelihood(y, device, anchors, links,
-    params)`` is (N,) for particles ``y`` and devices (2, N). ``axes`` are the rows of ``extent``
-    that are semi-axes of the shape ``kind``.
-    """
-
-    extent: tuple[str, ...]
-    prior: Callable[[Any], Array]
-    walk: Callable[[Any], Array]
-    log_likelihood: Callable[[Array, Array, Array, Links, Any], Array]
-    kind: str = ""
-    axes: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class State:
-    """Particles ``y`` (dx, N), one variable a row, and their weights ``w`` (N,).
-
-    The rows are x y vx vy b_rho b_phi, the extent, and the range bias.
-    """
-
-    y: Array
-    w: Array
-
-    @property
-    def device(self) -> Array:
-        """Positions of the device (2, N), eq. (3)."""
-        return np.ascontiguousarray(device_position(self.y[:2].T, self.y[4], self.y[5]).T)
-
-
-def init(
-    net: Network, target: Target, links: Sequence[Links], params: Params, rng: np.random.Generator
-) -> State:
-    """Draws from the posterior of the first links."""
-    low, high = (params.area[:2], params.area[2:]) if params.area else _box(net, params)
-    low, high = np.asarray(low), np.asarray(high)
-    b_low, b_high = params.bias_prior if params.has_object else (0.0, 0.0)
-    e_low, e_high = target.prior(params)
-
-    def prior(x: Array) -> State:
-        u = ndtr(x)
-        y = np.empty_like(x)
-        y[:2] = low[:, None] + (high - low)[:, None] * u[:2]
-        y[2:4] = params.speed_std * x[2:4]
-        y[4] = b_low + (b_high - b_low) * u[4]
-        y[5] = 2 * pi * u[5]
-        y[6:-1] = e_low[:, None] + (e_high - e_low)[:, None] * u[6:-1]
-        y[-1] = params.range_bias + params.range_bias_std * x[-1]
-        return State(y, np.full(y.shape[1], 1 / y.shape[1]))
-
-    def log_likelihood(x: Array) -> Array:
-        state = prior(x)
-        parts = [_log_likelihood(state, net, target, part, params) for part in links]
-        return np.asarray(sum(parts))
-
-    return prior(temper(log_likelihood, 7 + len(target.extent), params.particles, rng))
+PAUSE = 1.0
+"""A pause is so long that the motion alone widens the position by this much [m]."""
+WIDE = 3
+"""Times as many device positions are tried where the device has been hidden."""
+FEW = 0.01
+"""Share of effective particles below which a device without object is proposed from its ranges."""
+LEAST_ODDS = 0.01
+"""A probability of having been lost that is less than this is taken for none."""
 
 
 def predict(
-    state: State, dt: float, target: Target, params: Params, rng: np.random.Generator
+    state: State,
+    dt: float,
+    target: Target,
+    params: Params,
+    rng: np.random.Generator,
+    height: Height,
 ) -> State:
-    """Move centre and extent over ``dt`` [s]; the bias waits for :func:`turn`."""
+    """Move centre, extent, height and errors over ``dt`` [s]; the offset waits for :func:`turn`."""
     F, G = constant_velocity(dt)
     y = state.y.copy()
-    n, walk = y.shape[1], sqrt(dt / STEP)
-    acceleration = params.acceleration_std / walk if dt > 0 else 0.0
+    n, acceleration = y.shape[1], sqrt(acceleration_variance(params.acceleration_std, dt))
     y[:4] = F @ y[:4] + G @ (acceleration * rng.normal(size=(2, n)))
     noise = rng.normal(size=(len(target.extent), n))
-    y[6:-1] = np.abs(y[6:-1] + walk * target.walk(params)[:, None] * noise)
-    return replace(state, y=y)
+    y[6:-1] = np.abs(y[6:-1] + walk_std(target.walk(params)[:, None], dt) * noise)
+    if not height.is_known:
+        y[-1] = height.fold(y[-1] + params.height_walk * sqrt(dt) * rng.normal(size=n))
+    covariance = state.covariance
+    if covariance.shape[1] and params.range_bias_std > 0:
+        k = np.arange(1, covariance.shape[1])
+        covariance = covariance.copy()
+        covariance[:, k, k] += params.range_bias_walk**2 * dt
+    return replace(state, y=y, covariance=covariance, hidden=state.hidden + dt)
 
 
 def turn(
-    state: State, net: Network, links: Links, dt: float, params: Params, rng: np.random.Generator
-) -> State:
-    """Move the bias over ``dt`` [s] by its random walk, with an eye on the lines of sight.
+    state: State, anchors: Array, links: Links, params: Params, rng: np.random.Generator
+) -> tuple[State, float]:
+    """Move the offset by the random walk of all the time it was hidden, with an eye on ``links``.
 
-    See :mod:`echoset.estimators.eopda.kernels.bias_proposal`; without links it is the random walk.
+    What no line of sight has shown cannot have been told apart either: the walks of the steps add
+    up, and a length that is reflected at zero in each step has the law of one that is reflected at
+    the end. See :mod:`echoset.estimators.eopda.kernels.bias_proposal`; without links it is the
+    random walk. The second value is the log of what the weights gain on average.
     """
     if not params.has_object:
-        return state
-    n, walk = state.y.shape[1], sqrt(dt / STEP)
-    tries = 1 if links.empty else params.candidates
-    length = np.abs(state.y[4] + walk * params.bias_distance_std * rng.normal(size=(tries, n)))
-    angle = state.y[5] + walk * params.bias_angle_std * rng.normal(size=(tries, n))
-    centre, shift = state.y[:2], state.y[-1]
+        return state, 0.0
+    n, hidden = state.y.shape[1], state.hidden
+    tries = 1
+    if not links.empty:
+        tries = params.candidates * (WIDE if state.hidden > 5 * STEP else 1)
+    further, round_ = (
+        walk_std(std, hidden) * rng.normal(size=(tries, n))
+        for std in (params.bias_distance_std, params.bias_angle_std)
+    )
+    length, angle = np.abs(state.y[4] + further), state.y[5] + round_
     floor, pick = GUARD * params.clutter, rng.random(n)
     y = state.y.copy()
     y[4], y[5], correction = propose_bias(
-        centre, shift, length, angle, pick, net.anchors, *links[1:], floor, params.los
+        y[:2],
+        y[-1],
+        length,
+        angle,
+        pick,
+        anchors,
+        *links[1:],
+        *excess(state, anchors, links),
+        floor,
+        params.los,
     )
-    return State(y, _weights(state.w, correction))
+    return _weighed(replace(state, y=y, hidden=0.0), correction)
 
 
-def update(state: State, net: Network, target: Target, links: Links, params: Params) -> State:
-    """Weigh the particles by the ranges of ``links``."""
-    return replace(state, w=_weights(state.w, _log_likelihood(state, net, target, links, params)))
-
-
-def reduce(state: State, params: Params, rng: np.random.Generator) -> State:
-    """Resample where less than half of the particles are effective.
-
-    A constant range bias is drawn from a kernel about the survivors that keeps mean and variance.
-    Liu and West, "Combined parameter and state estimation", Sequential Monte Carlo Methods (2001).
-    """
+def reduce(state: State, rng: np.random.Generator) -> State:
+    """Resample where less than half of the particles are effective."""
     n = len(state.w)
     if effective_sample_size(state.w) >= n / 2:
         return state
-    y = state.y[:, systematic(state.w, rng.random(), n)]
-    if params.range_bias_std > 0:
-        mean, std = y[-1].mean(), y[-1].std()
-        y[-1] = mean + sqrt(1 - SHRINKAGE**2) * (y[-1] - mean)
-        y[-1] += SHRINKAGE * std * rng.normal(size=n)
-    return State(y, np.full(n, 1 / n))
+    return take(state, systematic(state.w, rng.random(), n))
 
 
-def extract(state: State, time_ns: int, target: Target, params: Params) -> Estimates:
-    """Mean and covariance of the particles; b_phi is averaged on the circle.
-
-    Bias and extent are left out where there is no object, the range bias where it is fixed.
-    """
-    names = ["x", "y", "vx", "vy"]
-    units = ["m", "m", "m s-1", "m s-1"]
-    rows = list(range(4))
-    if params.has_object:
-        names += ["b_rho", "b_phi", *target.extent]
-        units += ["m", "rad", *("m" for _ in target.extent)]
-        rows = list(range(len(state.y) - 1))
-    if params.range_bias_std > 0:
-        names, units, rows = [*names, "range_bias"], [*units, "m"], [*rows, len(state.y) - 1]
-    y, w = np.vstack((state.y[rows], state.device)), state.w
-    mean = y @ w
-    d = y - mean[:, None]
-    if params.has_object:
-        mean[5] = np.arctan2(np.sin(y[5]) @ w, np.cos(y[5]) @ w)
-        d[5] = np.remainder(y[5] - mean[5] + pi, 2 * pi) - pi
-    kind = target.kind if params.has_object else ""
-    covariance = (w * d) @ d.T
-    if not np.isfinite(covariance).all():
-        raise EstimatorError("the estimate is not finite")
-    axes = mean[[6 + k for k in target.axes]][None] if kind else None
-    objects = Objects(
-        np.array([time_ns], np.int64),
-        np.array([0, 1], np.int64),
-        np.zeros(1, np.int64),
-        (*names, "device_x", "device_y"),
-        (*units, "m", "m"),
-        mean[None],
-        covariance=(covariance + covariance.T)[None] / 2,
-        existence=np.ones(1),
-        extent_kind=kind,
-        semi_axes=axes,
-        rotation=None if axes is None else np.zeros(1),
+def take(state: State, index: Array) -> State:
+    """The particles at ``index`` (N,), with equal weights."""
+    w = np.full(len(index), 1 / len(index))
+    return replace(
+        state,
+        y=state.y[:, index],
+        w=w,
+        mean=state.mean[index],
+        covariance=state.covariance[index],
     )
-    steps = {
-        "cardinality_mean": np.ones(1),
-        "cardinality_variance": np.zeros(1),
-        "effective_sample_size": np.array([effective_sample_size(w)]),
-    }
-    return Estimates(Meta(""), objects, steps)
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceFilter:
-    """An estimator: the filter for a ``target``, with or without the passive links."""
+def track(
+    events: Iterable[Event],
+    target: Target,
+    params: Params,
+    first: Belief,
+    rng: np.random.Generator,
+    name: str,
+) -> Iterator[Step]:
+    """The filter over all events: at each its state and evidence; ``first`` is believed at first.
 
-    SUMMARY: str
-    Params: type[Any]
-    target: Target
-    passive: bool = True
-    STREAMS: tuple[str, ...] = ("uwb",)
-    PRESETS: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-
-    def estimate(
-        self, setup: Recording, scans: Iterable[Scan], params: Any, rng: np.random.Generator
-    ) -> Iterator[Estimates]:
-        """Yield the estimate of each time at which the network has a link event."""
-        net = network(
-            setup,
-            params.device,
-            params.rms_bandwidth,
-            params.amplitude_threshold,
-            params.sigma,
-        )
-        state, last = None, 0
-        for time_ns, links in link_steps(net, scans):
-            try:
-                state = self._step(state, net, (time_ns - last) * 1e-9, links, params, rng)
-                yield extract(state, time_ns, self.target, params)
-                state = reduce(state, params, rng)
-            except EstimatorError as error:
-                raise EstimatorError(
-                    f"{setup.meta.name}: at {time_ns * 1e-9:g} s: {error}"
-                ) from None
-            last = time_ns
-
-    def _step(
-        self,
-        state: State | None,
-        net: Network,
-        dt: float,
-        links: tuple[Links, Links],
-        params: Any,
-        rng: np.random.Generator,
-    ) -> State:
-        active, passive = links
-        target = self.target
-        if state is None:
-            return init(net, target, links if self.passive else (active,), params, rng)
-        state = predict(state, dt, target, params, rng)
-        if self.passive and not passive.empty:
-            state = update(state, net, target, passive, params)
-            state = state if active.empty else reduce(state, params, rng)
-        state = turn(state, net, active, dt, params, rng)
-        return state if active.empty else update(state, net, target, active, params)
-
-
-def _box(net: Network, params: Params) -> tuple[Array, Array]:
-    """The anchors' bounding box; where it has no width, as far as an echo could reach."""
-    low, high = net.anchors.min(0), net.anchors.max(0)
-    flat = (high <= low) * params.max_range / 2
-    return low - flat, high + flat
+    Raises
+    ------
+    EstimatorError : all weights vanish, or one is not a number
+    """
+    state: State | None = None
+    window: list[Event] = []
+    doubt, before, last = Doubt(), first, 0
+    for event in events:
+        dt = (event.time_ns - last) * 1e-9
+        if state is not None and _widens(dt, params) > PAUSE:
+            before, state = remembered(state, dt, first, params), None
+        try:
+            if state is None:
+                if not window or event.time_ns - window[0].time_ns <= SPAN * 1e9:
+                    window.append(event)
+                    if not _is_enough(window):
+                        continue
+                    steps = _begin(window, target, params, before, rng)
+                else:
+                    steps = _begin(window, target, params, before, rng)
+                yield from steps
+                state, last, doubt = steps[-1].state, window[-1].time_ns, Doubt()
+                if window[-1] is event:
+                    window = []
+                    continue
+                window = []
+                dt = (event.time_ns - last) * 1e-9
+                if _widens(dt, params) > PAUSE:
+                    before, state, window = remembered(state, dt, first, params), None, [event]
+                    continue
+            step, less = _step(state, event, dt, target, params, first, rng)
+            doubt = doubt.after(event, step.evidence, less)
+            if doubt.is_alarm:
+                fresh, odds = search(doubt, target, params, first, rng)
+                doubt = doubt.found(odds)
+                if odds > LEAST_ODDS:
+                    step = step._replace(state=merge(step.state, fresh, odds, rng), anew=odds > 0.5)
+            yield step
+            state, last = reduce(step.state, rng), event.time_ns
+        except EstimatorError as error:
+            raise EstimatorError(f"{name}: at {event.time_ns * 1e-9:g} s: {error}") from None
+    if window:
+        yield from _begin(window, target, params, before, rng)
 
 
-def _log_likelihood(
-    state: State, net: Network, target: Target, links: Links, params: Params
-) -> Array:
-    return target.log_likelihood(state.y, state.device, net.anchors, links, params)
+def _begin(
+    window: list[Event],
+    target: Target,
+    params: Params,
+    before: Belief,
+    rng: np.random.Generator,
+) -> list[Step]:
+    """The steps of a window from which the filter starts; its evidence goes to the last."""
+    states, evidence = start(window, target, params, before, rng)
+    steps = []
+    for event, state in zip(window, states, strict=True):
+        own = evidence if event is window[-1] else 0.0
+        steps.append(Step(event.time_ns, state, own, _clutter(event, params), False))
+    rates = sum(_rates(event, params) for event in window)
+    last = steps[-1]
+    gain = evidence - rates - sum(step.gain for step in steps)
+    steps = [step._replace(gain=0.0) for step in steps]
+    steps[-1] = last._replace(evidence=evidence - rates, gain=gain)
+    return steps
 
 
-def _weights(w: Array, log_factor: Array) -> Array:
+def _step(
+    state: State,
+    event: Event,
+    dt: float,
+    target: Target,
+    params: Params,
+    first: Belief,
+    rng: np.random.Generator,
+) -> tuple[Step, float]:
+    """The step of one event, and by how much its lines of sight surprise."""
+    old = state
+    state = predict(state, dt, target, params, rng, first.height)
+    evidence, less = -_rates(event, params), 0.0
+    if not event.passive.empty:
+        log_l = weigh_object(state, event.anchors, event.passive, target, params)
+        state, gained = _weighed(state, log_l)
+        evidence += gained
+        state = state if event.active.empty else reduce(state, rng)
+    if not event.active.empty:
+        state, gained = turn(state, event.anchors, event.active, params, rng)
+        evidence += gained
+        less = surprise(state, event, params)
+        log_l, learnt = weigh_active(state, event.anchors, event.active, target, params)
+        state, gained = _weighed(learnt, log_l)
+        evidence += gained
+        if effective_sample_size(state.w) < FEW * len(state.w) and not params.has_object:
+            before = remembered(old, dt, first, params)
+            states, evidence = start([event], target, params, before, rng)
+            state, evidence = states[-1], evidence - _rates(event, params)
+    return Step(event.time_ns, state, evidence, evidence - _clutter(event, params), False), less
+
+
+def _weighed(state: State, log_factor: Array) -> tuple[State, float]:
+    """The state with its weights times a factor, and the log of the factor's mean."""
     with np.errstate(divide="ignore"):
-        return normalise(np.log(w) + log_factor)
+        log_w = np.log(state.w) + log_factor
+    w = normalise(log_w)
+    return replace(state, w=w), log_mean(state.w, log_factor)
+
+
+def _rates(event: Event, params: Params) -> float:
+    """Mean number of ranges of an event: what the likelihood of a Poisson process subtracts."""
+    active, passive = len(event.active.tx), len(event.passive.tx)
+    clutter = params.clutter * float(params.max_range or 0.0)
+    return (active + passive) * clutter + params.expected(active, passive)
+
+
+def _clutter(event: Event, params: Params) -> float:
+    """Log-likelihood of an event's ranges if all were clutter."""
+    n = len(event.active.z) + len(event.passive.z)
+    links = len(event.active.tx) + len(event.passive.tx)
+    return n * log(params.clutter) - links * params.clutter * float(params.max_range or 0.0)
+
+
+def _widens(dt: float, params: Params) -> float:
+    """Standard deviation [m] that a position gains over ``dt`` [s] by the motion's noise."""
+    return params.acceleration_std * sqrt(STEP * dt**3 / 3)
+
+
+def _is_enough(window: list[Event]) -> bool:
+    """Whether anchors that were heard, or all that there are, fix a position."""
+    event = window[-1]
+    if not event.passive.empty:
+        return True
+    heard = sorted({int(j) for e in window for j in e.active.rx})
+    if len(heard) == len(event.anchors):
+        return True
+    p = event.anchors[heard, :2]
+    if len(heard) < 3:
+        return False
+    size = np.linalg.svd(p - p.mean(0), compute_uv=False)
+    return bool(size[1] > 0.1 * size[0])
+
+
+def remembered(state: State, dt: float, first: Belief, params: Params) -> Belief:
+    """What is believed ``dt`` [s] after ``state``, as moments; never less than at first."""
+    w, y = state.w, state.y
+    height = first.height
+    if not height.is_known:
+        mean = float(y[-1] @ w)
+        variance = float(w @ (y[-1] - mean) ** 2) + params.height_walk**2 * dt
+        if not variance > height.std**2:
+            height = replace(height, mean=mean, std=max(sqrt(variance), 1e-3))
+    bias, P = first.mean, first.covariance
+    if len(bias):
+        own = w @ state.mean
+        d = state.mean - own
+        now: Array = np.tensordot(w, state.covariance, 1) + (w * d.T) @ d
+        if params.range_bias_std > 0:
+            k = np.arange(1, len(own))
+            now[k, k] += params.range_bias_walk**2 * dt
+        if (np.diag(now)[1:] <= np.diag(P)[1:] + 1e-12).all():
+            bias, P = own, now
+    motion = moments(state, dt, params)
+    wide = sqrt(motion[1][:2, :2].trace()) > 2 * float(params.max_range or np.inf)
+    carried = None
+    if params.has_object:
+        walk = np.array([params.bias_distance_std, params.bias_angle_std])
+        others = y[4:-1]
+        middle, apart = others @ w, np.sqrt(((others - (others @ w)[:, None]) ** 2) @ w)
+        angle = np.exp(1j * y[5]) @ w
+        middle[1], apart[1] = np.angle(angle), sqrt(-2 * log(min(max(abs(angle), 1e-9), 1.0)))
+        total = state.hidden + dt
+        apart[:2] = np.hypot(apart[:2], walk * sqrt(total / STEP))
+        carried = middle, np.maximum(apart, 1e-3)
+    return Belief(height, bias, P, None if wide else motion, carried)

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 
 from ...models.parameters import parameter
 from ...models.records import Array
+from ..presets import Presets
 from . import ranges as eopda
-from .filter import DeviceFilter, Target
+from .device_filter import DeviceFilter
 from .kernels.compiled.link_likelihood import geo
 from .links import Links
+from .state import State, Target
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +32,18 @@ class Params(eopda.Params):
     )
 
 
-def log_likelihood(y: Array, device: Array, anchors: Array, links: Links, params: Params) -> Array:
-    """Log-likelihood (N,) of particles ``y``; see :mod:`.kernels.link_likelihood`."""
+def log_likelihood(
+    state: State, anchors: Array, links: Links, excess: tuple[Array, Array], params: Params
+) -> Array:
+    """Log-likelihood (N,) of particles; see :mod:`.kernels.link_likelihood`."""
+    y = state.y
     return geo(
         y[:2],
-        device,
+        state.device,
         y[-1],
         anchors,
         *links,
+        *excess,
         params.clutter,
         params.los,
         params.mean_scatter,
@@ -60,6 +66,7 @@ ACTIVE_PASSIVE = DeviceFilter(
     "extended object with a UWB device, geometry-based scattering, active and passive links",
     Params,
     CIRCLE,
+    PRESETS=Presets(__package__, "eopda-geo"),
 )
 ACTIVE = DeviceFilter(
     "extended object with a UWB device, geometry-based scattering, active links only",

@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from ...models.parameters import parameter
 from ...models.records import Array
 from ...models.scatter import unit_square_nodes
+from ..presets import Presets
 from . import ranges as eopda
-from .filter import DeviceFilter, Target
+from .device_filter import DeviceFilter
 from .kernels.compiled.link_likelihood import ideal
 from .links import Links
+from .state import State, Target
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,15 +29,18 @@ class Params(eopda.Params):
     scatterers: int = parameter(50, "1", "scatterers I' per receiving anchor", within="[1, inf)")
 
 
-def log_likelihood(y: Array, device: Array, anchors: Array, links: Links, params: Params) -> Array:
-    """Log-likelihood (N,) of particles ``y``; see :mod:`.kernels.link_likelihood`."""
-    u, s = unit_square_nodes(params.scatterers)
+def log_likelihood(
+    state: State, anchors: Array, links: Links, excess: tuple[Array, Array], params: Params
+) -> Array:
+    """Log-likelihood (N,) of particles; see :mod:`.kernels.link_likelihood`."""
+    y, (u, s) = state.y, unit_square_nodes(params.scatterers)
     return ideal(
         y[:2],
-        device,
+        state.device,
         y[-1],
         anchors,
         *links,
+        *excess,
         params.clutter,
         params.los,
         params.mean_scatter,
@@ -59,6 +64,7 @@ ACTIVE_PASSIVE = DeviceFilter(
     "extended object with a UWB device, ideal scattering, active and passive links",
     Params,
     ELLIPSE,
+    PRESETS=Presets(__package__, "eopda-ideal"),
 )
 ACTIVE = DeviceFilter(
     "extended object with a UWB device, ideal scattering, active links only",

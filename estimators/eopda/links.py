@@ -14,7 +14,8 @@ import numpy as np
 
 from ...models.columns import ACTIVE
 from ...models.errors import InputError
-from ...models.records import Array, Recording, Scan
+from ...models.poses import pose_at
+from ...models.records import Array, Recording, Scan, Sensor
 from ...models.uwb import range_std
 
 
@@ -22,17 +23,33 @@ from ...models.uwb import range_std
 class Network:
     """Anchors of a stream and the noise of its ranges.
 
-    ``stream`` is its name; ``anchors`` (J, 2) [m]; ``index`` maps the nodes of the stream to
-    0 ... J, other devices to -1. ``rms_bandwidth`` [Hz], ``amplitude_threshold`` and ``sigma`` [m]
-    serve to find the standard deviation of a range, see :func:`link_steps`.
+    ``stream`` is its name, ``sensors`` are its J anchors; ``index`` maps the nodes of the stream to
+    0 ... J, other devices to -1. ``rms_bandwidth`` [Hz], ``amplitude_threshold``, ``sigma`` [m] and
+    ``sigma_factor`` serve to find the standard deviation of a range, see :func:`link_steps`;
+    ``range_bias`` [m] is taken off all ranges.
     """
 
+    name: str
     stream: str
-    anchors: Array
+    sensors: tuple[Sensor, ...]
     index: Array
     rms_bandwidth: float | None
     amplitude_threshold: float
     sigma: float | None
+    sigma_factor: float
+    range_bias: float
+
+    def anchors(self, time_ns: int) -> Array:
+        """Positions (J, 3) [m] of the anchors at a time."""
+        still = [len(s.time_ns) == 1 for s in self.sensors]
+        if all(still):
+            return np.array([s.position[0] for s in self.sensors])
+        return np.array([pose_at(s, time_ns)[0] for s in self.sensors])
+
+    @property
+    def has_heights(self) -> bool:
+        """Whether any anchor stands above or below the plane."""
+        return any(s.position[:, 2].any() for s in self.sensors)
 
 
 class Links(NamedTuple):
@@ -60,6 +77,8 @@ def network(
     rms_bandwidth: float | None,
     amplitude_threshold: float,
     sigma: float | None,
+    sigma_factor: float = 1.0,
+    range_bias: float = 0.0,
 ) -> Network:
     """The one UWB network of a recording, with the device to track.
 
@@ -86,15 +105,17 @@ def network(
     tracked = device or (devices[0] if devices else None)
     rank = {node: j for j, node in enumerate(anchors)}
     index = [len(anchors) if n == tracked else rank.get(n, -1) for n in stream.nodes]
-    position = np.array([setup.sensors[a].position[0, :2] for a in anchors])
-    return Network(name, position, np.array(index), rms_bandwidth, amplitude_threshold, sigma)
+    sensors = tuple(setup.sensors[a] for a in anchors)
+    noise = rms_bandwidth, amplitude_threshold, sigma, sigma_factor, range_bias
+    return Network(setup.meta.name, name, sensors, np.array(index), *noise)
 
 
 def link_steps(net: Network, scans: Iterable[Scan]) -> Iterator[tuple[int, tuple[Links, Links]]]:
     """Each time [ns] with its active and its passive links, one time in memory.
 
     The standard deviation of a range follows from its amplitude (not below the threshold) by
-    Fisher information; without amplitudes it is the column ``std``, without that ``sigma``.
+    Fisher information; without amplitudes it is the column ``std``, without that ``sigma``; in any
+    case times ``sigma_factor``.
 
     Raises
     ------
@@ -115,9 +136,9 @@ def link_steps(net: Network, scans: Iterable[Scan]) -> Iterator[tuple[int, tuple
 def _links(net: Network, scans: list[Scan]) -> Links:
     scans = sorted(scans, key=lambda s: (net.index[s.scan["rx"]], net.index[s.scan["tx"]]))
     tx, rx = (np.array([net.index[s.scan[k]] for s in scans], np.int64) for k in ("tx", "rx"))
-    z = [np.asarray(s.rows["distance"], float) for s in scans]
+    z = [np.asarray(s.rows["distance"], float) - net.range_bias for s in scans]
     offset = np.concatenate(([0], np.cumsum([len(d) for d in z]))).astype(np.int64)
-    std = [_std(net, s) for s in scans]
+    std = [net.sigma_factor * _std(net, s) for s in scans]
     none = np.zeros(0)
     return Links(tx, rx, offset, np.concatenate((none, *z)), np.concatenate((none, *std)) ** 2)
 

@@ -54,6 +54,11 @@ class Params(device_params.Params):
         """Whether there is an object that scatters."""
         return self.mean_scatter > 0
 
+    @property
+    def scatter(self) -> float:
+        """Mean number of ranges of a link that are scattered."""
+        return self.mean_scatter
+
     def prior(self, axes: int) -> Array:
         """Bounds (2, axes + 1) of the uniform prior of the semi-axes and the width."""
         return np.array([self.axes_prior] * axes + [self.width_prior]).T

@@ -22,6 +22,12 @@ def normalise(log_w: Array) -> Array:
     return np.asarray(w / w.sum())
 
 
+def log_mean(w: Array, log_factor: Array) -> float:
+    """Logarithm of the mean of a factor, given as logarithms (n,), by weights ``w`` (n,)."""
+    top = log_factor.max()
+    return float(top + np.log(np.exp(log_factor - top) @ w))
+
+
 def effective_sample_size(w: Array) -> float:
     """``1 / sum w^2`` of normalised weights (n,)."""
     return float(1.0 / np.sum(w * w))

@@ -54,25 +54,37 @@ def device(y: Array) -> tuple[Array, Array]:
     return device_position(y[:2], rho, phi), G
 
 
-def distance(q: Array, q_y: Array, r: Array, r_y: Array) -> tuple[Array, Array]:
-    """Distances (...) between points q and r (..., 2), and gradients (..., 9)."""
+def distance(q: Array, q_y: Array, r: Array, r_y: Array, rise: float = 0.0) -> tuple[Array, Array]:
+    """Distances (...) between points q and r (..., 2), ``rise`` [m] apart in height.
+
+    The second value is their gradient (..., 9).
+    """
     delta = q - r
-    d = np.linalg.norm(delta, axis=-1)
+    d = np.sqrt((delta**2).sum(-1) + rise**2)
     return d, np.einsum("...i,...ij->...j", delta / d[..., None], q_y - r_y)
 
 
-def scattered(y: Array, tx: Array | None, rx: Array, opening: float) -> tuple[Array, Array]:
-    """Lengths (K,) of the paths tx -> scatterer -> rx and gradients (K, 9); tx None: the device."""
-    q, q_y = scatterers(y, rx, opening)
+def scattered(
+    y: Array, tx: Array | None, rx: Array, opening: float, height: float = 0.0
+) -> tuple[Array, Array]:
+    """Lengths (K,) of the paths tx -> scatterer -> rx and gradients (K, 9); tx None: the device.
+
+    Anchors are (2,), in the plane of device and scatterers, or (3,) with these at ``height`` [m].
+    """
+    q, q_y = scatterers(y, rx[:2], opening)
     still = np.zeros((2, len(STATE)))
-    sender, sender_y = device(y) if tx is None else (tx, still)
-    there, there_y = distance(q, q_y, sender, sender_y)
-    back, back_y = distance(q, q_y, rx, still)
+    sender, sender_y = device(y) if tx is None else (tx[:2], still)
+    rise = 0.0 if tx is None else _rise(tx, height)
+    there, there_y = distance(q, q_y, sender, sender_y, rise)
+    back, back_y = distance(q, q_y, rx[:2], still, _rise(rx, height))
     return there + back, there_y + back_y
 
 
-def direct(y: Array, rx: Array) -> tuple[Array, Array]:
-    """Length (1,) of the path device -> rx and its gradient (1, 9)."""
+def direct(y: Array, rx: Array, height: float = 0.0) -> tuple[Array, Array]:
+    """Length (1,) of the path device -> rx, which is as in :func:`scattered`; gradient (1, 9)."""
     m, m_y = device(y)
-    d, d_y = distance(m[None], m_y[None], rx, np.zeros((2, len(STATE))))
-    return d, d_y
+    return distance(m[None], m_y[None], rx[:2], np.zeros((2, len(STATE))), _rise(rx, height))
+
+
+def _rise(anchor: Array, height: float) -> float:
+    return float(anchor[2] - height) if len(anchor) == 3 else 0.0

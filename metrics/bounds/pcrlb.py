@@ -3,7 +3,9 @@
 A link's measurements are a Poisson process of clutter, line of sight and scatter
 (:mod:`.information`), taken at the true state (:mod:`.paths`); the amplitude of a path enters as
 its known noise ``sigma_d = c / (sqrt(8) pi beta_bw u)`` with u inversely proportional to the length
-of the path. Transitions and prior are those of the filter. ``pcrlb`` counts the links that
+of the path. Transitions and prior are those of the filter
+(:mod:`echoset.models.motion`); signal-to-noise ratio, bandwidth, depth of the sector and heights
+are those of the recording. ``pcrlb`` counts the links that
 delivered an event, ``pcrlb-star`` (:mod:`.pcrlb_star`) the blocked ones as well.
 
 The bound belongs to no estimator: that column is empty. ``<name>-valid`` is 1 while the standard
@@ -20,16 +22,17 @@ import numpy as np
 
 from ...models.columns import ACTIVE
 from ...models.errors import InputError
-from ...models.motion import constant_velocity
+from ...models.motion import constant_velocity, motion_noise, walk_std
 from ...models.parameters import parameter, require
+from ...models.poses import pose_at
 from ...models.records import Array, Estimates, Recording, Scores, Stream
-from ...models.uwb import free_space_amplitude, range_std
+from ...models.uwb import Region, free_space_amplitude, range_std
 from ..kit.alignment import ScoredObject, interpolate, seconds
 from ..kit.table import rows
 from . import paths
 from .information import covariance_bounds, information
 
-Point = tuple[float, float]
+Point = tuple[float, float, float]
 
 SUMMARY = "posterior Cramér-Rao bound on the device and the centre, blocked links without events"
 PARTS = ("device", "centre")
@@ -64,31 +67,32 @@ class Params(ScoredObject):
         2 * np.pi / 3, "rad", "opening angle of the sector", within="(0, 6.283185307179587]"
     )
     width: float = parameter(0.1, "m", "true depth of the scattering sector", within="(0, inf)")
-    std_acceleration: float = parameter(2.0, "m s-2", "white acceleration", within="(0, inf)")
-    std_bias_distance: float = parameter(
-        0.1, "m", "random walk of b_rho per step", within="(0, inf)"
+    device_height: float = parameter(0.0, "m", "height of the device and its object")
+    acceleration_std: float = parameter(2.0, "m s-2", "white acceleration", within="(0, inf)")
+    bias_distance_std: float = parameter(
+        0.1, "m", "random walk of b_rho per 0.1 s", within="(0, inf)"
     )
-    std_bias_angle: float = parameter(
-        0.5, "rad", "random walk of b_phi per step", within="(0, inf)"
+    bias_angle_std: float = parameter(
+        0.5, "rad", "random walk of b_phi per 0.1 s", within="(0, inf)"
     )
-    std_axes: float = parameter(0.05, "m", "random walk of a and b per step", within="(0, inf)")
-    std_depth: float = parameter(0.05, "m", "random walk of w per step", within="(0, inf)")
-    prior_velocity: float = parameter(
+    axes_std: float = parameter(0.05, "m", "random walk of a and b per 0.1 s", within="(0, inf)")
+    width_std: float = parameter(0.05, "m", "random walk of w per 0.1 s", within="(0, inf)")
+    speed_std: float = parameter(
         1.0, "m s-1", "standard deviation of v at first", within="(0, inf)"
     )
-    prior_bias_distance: float = parameter(
-        0.6, "m", "b_rho at first: uniform from 0 to this", within="(0, inf)"
+    bias_prior: tuple[float, float] = parameter(
+        (0.0, 0.6), "m", "b_rho at first: uniform", within="[0, inf)"
     )
-    prior_axes: tuple[float, float] = parameter(
+    axes_prior: tuple[float, float] = parameter(
         (0.1, 0.5), "m", "a and b at first: uniform", within="[0, inf)"
     )
-    prior_depth: tuple[float, float] = parameter(
+    width_prior: tuple[float, float] = parameter(
         (0.01, 0.2), "m", "w at first: uniform", within="[0, inf)"
     )
 
     def __post_init__(self) -> None:
         ScoredObject.__post_init__(self)
-        for name in ("prior_axes", "prior_depth"):
+        for name in ("bias_prior", "axes_prior", "width_prior"):
             low, high = getattr(self, name)
             require(low < high, name, "low < high", (low, high))
 
@@ -109,16 +113,23 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
     time_ns, tx, rx = _links(stream, recording, blocked)
     steps, step = np.unique(time_ns, return_inverse=True)
     states = true_states(recording, steps, params)
-    anchors = {
-        i: tuple(recording.sensors[n].position[0, :2].tolist())
-        for i, n in enumerate(stream.nodes)
-        if recording.sensors[n].kind == "anchor"
-    }
+    anchors = {i: n for i, n in enumerate(stream.nodes) if recording.sensors[n].kind == "anchor"}
+
+    def place(node: int, time: int) -> Point | None:
+        """Where an anchor is at a step; None for the device."""
+        if node not in anchors:
+            return None
+        x, y, z = pose_at(recording.sensors[anchors[node]], int(steps[time]))[0].tolist()
+        return x, y, z
+
     J_z = np.zeros((len(steps), len(paths.STATE), len(paths.STATE)))
     for k, i, j in zip(step.tolist(), tx.tolist(), rx.tolist(), strict=True):
-        J_z[k] += link_information(tuple(states[k].tolist()), anchors.get(i), anchors[j], params)
+        rx_place = place(j, k)
+        assert rx_place is not None
+        J_z[k] += link_information(tuple(states[k].tolist()), place(i, k), rx_place, params)
     F, Q = transitions(np.diff(seconds(steps), prepend=seconds(steps[:1])), params)
-    P = covariance_bounds(prior(np.array(list(anchors.values())), params), F, Q, J_z)
+    first = np.array([place(node, 0) for node in anchors], float)
+    P = covariance_bounds(prior(first, params), F, Q, J_z)
     inside = params.contains(steps)
     if not inside.any():
         raise InputError(f"{recording.meta.name}: no event is within the time to be scored")
@@ -194,10 +205,11 @@ def link_information(
     """Fisher information (9, 9) of the link from ``tx`` (None: the device) to ``rx``."""
     y, anchor = np.array(state), np.array(rx)
     sender = None if tx is None else np.array(tx)
-    length, gradient = paths.scattered(y, sender, anchor, params.opening_angle)
+    height = params.device_height
+    length, gradient = paths.scattered(y, sender, anchor, params.opening_angle, height)
     weight = params.mean_scatter * paths.nodes()[2]
     if tx is None:
-        los, los_y = paths.direct(y, anchor)
+        los, los_y = paths.direct(y, anchor, height)
         length, gradient = np.concatenate([los, length]), np.concatenate([los_y, gradient])
         weight = np.concatenate([[params.mean_los], weight])
     std = range_std(free_space_amplitude(length, params.snr_db), params.rms_bandwidth)
@@ -205,31 +217,34 @@ def link_information(
 
 
 def prior(anchors: Array, params: Params) -> Array:
-    """The prior's covariance (9, 9): independent, p uniform over the box around ``anchors``."""
+    """The prior's covariance (9, 9): independent, the position anywhere in reach of ``anchors``."""
     widths = [
-        *np.ptp(anchors, axis=0),
-        params.prior_bias_distance,
+        np.ptp(params.bias_prior),
         2 * np.pi,
-        *(2 * [np.ptp(params.prior_axes)]),
-        np.ptp(params.prior_depth),
+        *(2 * [np.ptp(params.axes_prior)]),
+        np.ptp(params.width_prior),
     ]
-    variance = np.square(widths) / 12
-    return np.diag(np.insert(variance, 2, 2 * [params.prior_velocity**2]))
+    P = np.zeros((len(paths.STATE), len(paths.STATE)))
+    P[:2, :2] = Region(anchors[:, :2], params.max_range).covariance()
+    P[range(2, 9), range(2, 9)] = [*(2 * [params.speed_std**2]), *np.square(widths) / 12]
+    return P
 
 
 def transitions(dt: Array, params: Params) -> tuple[Array, Array]:
     """F and Q (n, 9, 9) over ``dt`` (n,) [s]; a step of no length, the first, has no noise."""
     F = np.tile(np.eye(len(paths.STATE)), (len(dt), 1, 1))
     Q = np.zeros_like(F)
-    for n, step in enumerate(dt.tolist()):
-        F[n, :4, :4], gain = constant_velocity(step)
-        Q[n, :4, :4] = params.std_acceleration**2 * gain @ gain.T
-    walks = (
-        params.std_bias_distance,
-        params.std_bias_angle,
-        params.std_axes,
-        params.std_axes,
-        params.std_depth,
+    walks = np.array(
+        [
+            params.bias_distance_std,
+            params.bias_angle_std,
+            params.axes_std,
+            params.axes_std,
+            params.width_std,
+        ]
     )
-    Q[:, range(4, 9), range(4, 9)] = np.where(dt[:, None] > 0, np.square(walks), 0.0)
+    for n, step in enumerate(dt.tolist()):
+        F[n, :4, :4], _ = constant_velocity(step)
+        Q[n, :4, :4] = motion_noise(params.acceleration_std, step)
+        Q[n, range(4, 9), range(4, 9)] = np.square(walk_std(walks, step))
     return F, Q

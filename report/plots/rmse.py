@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.errors import InputError
+from ...models.records import Estimates
 from .blockages import shade
 from .columns import quantity, series, title
 from .panels import decades, legend, panels, sparse
@@ -14,11 +15,12 @@ from .protocol import Inputs, Selection
 from .style import bound, line
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SUMMARY = "RMSE over time beside its bounds, blockages of a recording shaded"
+SUMMARY = "RMSE over time beside its bounds and the estimates' evidence, blockages shaded"
 NEEDS: tuple[str, ...] = ("scores",)
-USES: tuple[str, ...] = ("recording",)
+USES: tuple[str, ...] = ("recording", "estimates")
 SIZE = (16.0, 7.0)
 PARTS = ("device", "centre", "extent")
 
@@ -35,7 +37,12 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     shown = {part: lines for part, lines in found.items() if any(not s.bound for s in lines)}
     if not shown:
         raise InputError("rmse: the scores hold no rmse over time: score with -m rmse")
-    axes = panels(figure, len(shown), columns=1, sharex=True)
+    evident = [e for e in inputs.estimates if "evidence" in e.steps]
+    *axes, last = panels(figure, len(shown) + bool(evident), columns=1, sharex=True)
+    if evident:
+        _evidence(last, evident)
+    else:
+        axes.append(last)
     for a, (part, lines) in zip(axes, shown.items(), strict=True):
         estimators = [s for s in lines if not s.bound]
         for i, s in enumerate(estimators):
@@ -55,6 +62,18 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
             limits = a.get_xlim()
             shade([a], inputs.recording)
             a.set_xlim(limits)
-    axes[-1].set_xlabel("time [s]")
+    last.set_xlabel("time [s]")
     figure.suptitle(title(pooled))
     legend(figure, *axes)
+
+
+def _evidence(axes: Axes, estimates: list[Estimates]) -> None:
+    """The log predictive density of each step above that of clutter alone."""
+    for i, e in enumerate(estimates):
+        time = e.objects.time_ns / 1e9
+        axes.plot(time, e.steps["evidence"], label=f"{e.estimator}, {e.meta.name}", **line(i))
+        anew = np.flatnonzero(e.steps.get("sought_anew", np.zeros(len(time))))
+        axes.plot(time[anew], e.steps["evidence"][anew], "kx", label="_sought anew")
+    axes.axhline(0.0, color="0.6", lw=0.6)
+    axes.set_ylabel("evidence [nat]")
+    axes.margins(x=0)

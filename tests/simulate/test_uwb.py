@@ -183,3 +183,34 @@ def test_other_networks_are_simulated():
 def test_impossible_scenes_are_refused(change):
     with pytest.raises(ParameterError, match=next(iter(change))):
         resolve(uwb.Params, ("settings", change))
+
+
+def test_heights_lengthen_all_paths():
+    heights = ((4.0, 4.5, 2.5), (0.0, 0.5, 3.0), (6.5, 0.0, 2.0))
+    still = {"steps": 20, "mean_clutter": 0.0, "snr_db": 80.0, "amplitude_threshold": 0.0}
+    params = replace(scenario("uwb-los"), anchors=heights, device_height=1.0, **still)
+    recording = simulate(params)
+    check(recording)
+    assert recording.streams["uwb"].model["device_height"] == 1.0
+    stream = recording.streams["uwb"]
+    event = np.repeat(np.arange(len(stream)), np.diff(stream.row_offset))
+    los = stream.rows["origin_los"] == 1
+    step = np.searchsorted(recording.truth.objects.time_ns, stream.time_ns)[event[los]]
+    m = recording.truth.objects.columns("device_x", "device_y")[step]
+    a = np.array(heights)[stream.scan["rx"][event[los]]]
+    d = np.sqrt(((m - a[:, :2]) ** 2).sum(1) + (a[:, 2] - 1.0) ** 2)
+    assert np.abs(stream.rows["distance"][los] - d).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"anchors": [[0.0, 0.0, 2.0], [1.0, 0.0]]},
+        {"anchors": [[0.0], [1.0]]},
+        {"device_height": 1.0},
+        {"anchors": [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0]], "device_height": -1.0},
+    ],
+)
+def test_heights_are_all_told_or_none(change):
+    with pytest.raises(ParameterError):
+        resolve(uwb.Params, ("settings", change))

@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 
 from ....models.records import Array
-from ....models.uwb import device_position, distance
+from ....models.uwb import at_height, device_position, distance
 
 
 def propose_bias(
     centre: Array,
-    shift: Array,
+    height: Array,
     length: Array,
     angle: Array,
     pick: Array,
@@ -25,22 +25,28 @@ def propose_bias(
     offset: Array,
     z: Array,
     variance: Array,
+    shift: Array,
+    doubt: Array,
     floor: float,
     los: float,
 ) -> tuple[Array, Array, Array]:
     """Length (N,), angle (N,) and log weight correction (N,) of the biases that are kept.
 
-    ``centre`` (2, N), candidates ``length`` (K, N) [m] and ``angle`` (K, N) [rad], ``pick`` (N,)
-    uniform; active links ``rx`` (L,), ``offset`` (L + 1,) into ``z`` (M,) and ``variance`` (M,).
-    ``g`` is the product over ranges of ``floor + los f_LOS``, both in 1/m.
+    ``centre`` (2, N), ``height`` (N,), candidates ``length`` (K, N) [m] and ``angle`` (K, N) [rad],
+    ``pick`` (N,) uniform; active links ``rx`` (L,), ``offset`` (L + 1,) into ``z`` (M,) and
+    ``variance`` (M,), ``shift`` and ``doubt`` as in :mod:`.link_likelihood`. ``g`` is the product
+    over ranges of ``floor + los f_LOS``, both in 1/m.
     """
-    device = device_position(centre.T, length, angle)
+    device = at_height(device_position(centre.T, length, angle), height)
     g = np.ones(length.shape)
     for e, j in enumerate(rx):
-        h = distance(device, anchors[j]) + shift
+        h, loose = distance(device, anchors[j]), 0.0
+        if len(shift):
+            h, loose = h + shift[e], doubt[e]
         for l in range(offset[e], offset[e + 1]):
-            t = (z[l] - h) ** 2 / (2 * variance[l])
-            g *= 1 + los / floor / np.sqrt(2 * np.pi * variance[l]) * np.exp(-t) * (t < 32)
+            v = variance[l] + loose
+            t = (z[l] - h) ** 2 / (2 * v)
+            g *= 1 + los / floor / np.sqrt(2 * np.pi * v) * np.exp(-t) * (t < 32)
     total = np.cumsum(g, axis=0)
     k = (total[:-1] < pick * total[-1]).sum(0)
     n = np.arange(len(pick))

@@ -7,7 +7,7 @@ import numpy as np
 from echoset.estimators.eopda.kernels import bias_proposal as definition
 from echoset.estimators.eopda.kernels.compiled import bias_proposal as compiled
 
-ANCHORS = np.array([[4.0, 4.5], [0.0, 0.5], [6.5, 0.0]])
+ANCHORS = np.array([[4.0, 4.5, 0.0], [0.0, 0.5, 1.0], [6.5, 0.0, 0.2]])
 
 
 def arguments(rng: np.random.Generator, n: int, tries: int):
@@ -18,12 +18,14 @@ def arguments(rng: np.random.Generator, n: int, tries: int):
     links = (np.array([0, 2]), np.array([0, 5, 11]), z, np.full(11, 0.05**2))
     return (
         centre,
-        0.01 * rng.normal(size=n),
+        0.5 * rng.random(n),
         length,
         angle,
         rng.random(n),
         ANCHORS,
         *links,
+        0.01 * rng.normal(size=(2, n)),
+        0.001 * rng.random((2, n)),
         1.0,
         1.0,
     )
@@ -42,9 +44,10 @@ def test_twins_are_equal():
 def test_weights_make_up_for_the_choice():
     """Averaged over ``pick``, weight times any function of the bias is its mean over candidates."""
     n, tries = 20_000, 4
-    centre, shift, length, angle, _, *rest = arguments(np.random.default_rng(2), 1, tries)
-    one = [np.tile(a, n) for a in (centre, shift)]
+    centre, height, length, angle, _, *rest = arguments(np.random.default_rng(2), 1, tries)
+    one = [np.tile(a, n) for a in (centre, height)]
     many = [np.tile(a, n) for a in (length, angle)]
+    rest[-4:-2] = [np.tile(a, n) for a in rest[-4:-2]]
     kept, _, correction = compiled.propose_bias(*one, *many, (np.arange(n) + 0.5) / n, *rest)
     for function in (np.ones_like, np.square):
         weighed = (np.exp(correction) * function(kept)).mean()
@@ -54,7 +57,7 @@ def test_weights_make_up_for_the_choice():
 
 def test_without_links_the_first_candidates_are_as_good_as_any():
     centre, shift, length, angle, pick, *_ = arguments(np.random.default_rng(3), 50, 1)
-    none = (np.zeros(0, int), np.zeros(1, int), np.zeros(0), np.zeros(0))
+    none = (np.zeros(0, int), np.zeros(1, int), *np.zeros((2, 0)), *np.zeros((2, 0, 50)))
     for module in (definition, compiled):
         kept = module.propose_bias(centre, shift, length, angle, pick, ANCHORS, *none, 1.0, 1.0)
         assert (kept[0] == length[0]).all() and (kept[1] == angle[0]).all()

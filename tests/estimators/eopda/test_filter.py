@@ -10,11 +10,14 @@ import pytest
 import yaml
 
 from echoset.estimators.eopda import ap_pda
-from echoset.estimators.eopda import filter as device_filter
 from echoset.estimators.eopda import geo as eopda_geo
 from echoset.estimators.eopda import ideal as eopda_ideal
-from echoset.estimators.eopda.filter import State, extract, predict, reduce, turn, update
-from echoset.estimators.eopda.links import Links, network
+from echoset.estimators.eopda.extract import extract
+from echoset.estimators.eopda.filter import predict, reduce, turn
+from echoset.estimators.eopda.links import Links
+from echoset.estimators.eopda.resampling import normalise
+from echoset.estimators.eopda.state import Height, State
+from echoset.estimators.eopda.weighing import weigh_active
 from echoset.models.checks import check
 from echoset.models.errors import EstimatorError, InputError, ParameterError
 from echoset.models.parameters import resolve
@@ -24,6 +27,8 @@ from echoset.simulate import uwb
 
 NAMES = ("eopda-geo", "eopda-ideal", "a-eopda-geo", "a-eopda-ideal", "ap-pda")
 ANCHORS = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]])
+KNOWN = Height(0.0, 0.0, 0.0, np.inf)
+BOX = [0.0, 0.0, 4.0, 3.0]
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +71,13 @@ def ranging(z, anchors, seconds, positions=ANCHORS, **model) -> Recording:
         {"distance": np.asarray(z, float)},
     )
     return Recording(Meta("log"), sensors | {"D": Sensor.device()}, {"uwb": stream})
+
+
+def particles(y, w=None) -> State:
+    """Particles in the plane without errors of ranges."""
+    n = y.shape[1]
+    w = np.full(n, 1 / n) if w is None else w
+    return State(y, w, np.zeros((n, 0)), np.zeros((n, 0, 0)), hidden=0.1)
 
 
 def column(estimates, *names):
@@ -128,7 +140,8 @@ def test_first_posterior_equals_a_grid(z):
     """With lines of sight alone the posterior of the first step is two-dimensional."""
     record = ranging(z, [0, 1, 2], [1.0, 1.0, 1.0])
     mean, std = grid_posterior(z, 0.1, 5.0 / 20.0)
-    out = [run("a-eopda-geo", record, seed, particles=2000)[0] for seed in range(12)]
+    few = {"particles": 2000, "area": BOX, "max_range": 20.0}
+    out = [run("a-eopda-geo", record, seed, **few)[0] for seed in range(12)]
     m = np.concatenate([e.objects.columns("device_x", "device_y") for e in out])
     s = np.sqrt(np.stack([np.diag(e.objects.covariance[0])[-2:] for e in out]))
     assert (np.abs(m.mean(0) - mean) < 4.5 * m.std(0, ddof=1) / np.sqrt(12) + 1e-3).all()
@@ -141,7 +154,7 @@ def test_prediction_has_the_moments_of_the_linear_model():
     n, dt = 200_000, 0.25
     params = eopda_geo.Params(acceleration_std=2.0)
     y = np.vstack((rng.normal(size=(4, n)), np.full((2, n), 0.3), np.full((3, n), 0.4)))
-    x = predict(State(y, np.full(n, 1 / n)), dt, eopda_geo.CIRCLE, params, rng).y
+    x = predict(particles(y), dt, eopda_geo.CIRCLE, params, rng, KNOWN).y
     F = np.eye(4) + dt * np.eye(4, k=2)
     G = np.vstack((dt**2 / 2 * np.eye(2), dt * np.eye(2)))
     # the velocity's variance grows by (2 m/s^2 0.1 s)^2 every 0.1 s
@@ -154,19 +167,21 @@ def test_prediction_has_the_moments_of_the_linear_model():
 def test_candidates_do_not_change_the_posterior():
     """Mean and variance of the device are those of the plain random walk, candidates = 1."""
     n, dt, target = 4000, 0.1, eopda_geo.CIRCLE
-    net = network(ranging([1.0], [0], [0.0]).setup(), None, None, 1.0, 0.1)
+    anchors = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
     z = np.hypot(1.8, 1.5) + np.array([-0.05, 0.1, 0.5])
     active = Links(np.array([3]), np.array([0]), np.array([0, 3]), z, np.full(3, 0.05**2))
 
     def moments(candidates, seed):
         rng = np.random.default_rng(seed)
-        params = eopda_geo.Params(candidates=candidates)
+        params = eopda_geo.Params(candidates=candidates, max_range=20.0)
         y = np.zeros((9, n))
         y[:2] = np.array([[2.0], [1.5]]) + 0.02 * rng.normal(size=(2, n))
         y[4], y[5], y[6], y[7] = 0.3, 2.5, 0.3, 0.1
-        state = turn(State(y, np.full(n, 1 / n)), net, active, dt, params, rng)
-        state = update(state, net, target, active, params)
-        o = extract(state, 0, target, params).objects
+        state = replace(particles(y), hidden=dt)
+        state, _ = turn(state, anchors, active, params, rng)
+        log_l, state = weigh_active(state, anchors, active, target, params)
+        state = replace(state, w=normalise(np.log(state.w) + log_l))
+        o = extract(state, 0, target, params, True).objects
         return [*o.state[0, [4, 5, 8]], *np.diag(o.covariance[0])[[4, 5, 8, 9]]]
 
     one, many = (np.array([moments(k, seed) for seed in range(30)]) for k in (1, 6))
@@ -209,25 +224,25 @@ def test_range_bias_is_taken_off_or_estimated():
     assert abs(column(out[-1:], "range_bias")[0, 0] - 0.25) < 4.5 * spread < 0.1
 
 
-def test_resampling_keeps_the_moments_of_the_range_bias(monkeypatch):
-    monkeypatch.setattr(device_filter, "SHRINKAGE", 0.5)
+def test_resampling_takes_all_of_a_particle_along():
     rng = np.random.default_rng(6)
-    n = 20_000
-    y = np.vstack((np.zeros((8, n)), rng.normal(0.2, 0.1, n)))
-    w = np.exp(-0.5 * ((y[-1] - 0.3) / 0.05) ** 2)
-    state = State(y, w / w.sum())
-    mean, var = w @ y[-1] / w.sum(), w @ (y[-1] - w @ y[-1] / w.sum()) ** 2 / w.sum()
-    kept = reduce(state, eopda_geo.Params(range_bias_std=0.1), rng)
-    assert (kept.w == 1 / n).all() and len(np.unique(kept.y[-1])) == n
-    assert abs(kept.y[-1].mean() - mean) < 4.5 * np.sqrt(var / n)
-    assert abs(kept.y[-1].var() / var - 1) < 4.5 * np.sqrt(2 / n)
+    n = 1000
+    y, mean = np.arange(9.0 * n).reshape(9, n), np.arange(2.0 * n).reshape(n, 2)
+    w = np.exp(-0.01 * np.arange(n))
+    state = State(y, w / w.sum(), mean, np.tile(np.eye(2), (n, 1, 1)) * mean[:, :1, None], 0.3)
+    kept = reduce(state, rng)
+    index = kept.y[0].astype(int)
+    assert (kept.w == 1 / n).all() and kept.hidden == 0.3 and len(set(index)) < n / 2
+    assert (kept.y == y[:, index]).all() and (kept.mean == mean[index]).all()
+    assert (kept.covariance == state.covariance[index]).all()
 
 
 def test_angles_are_averaged_on_the_circle():
     y = np.zeros((9, 2))
     y[4], y[5], y[6:8] = 1.0, [np.pi - 0.1, 0.1 - np.pi], 0.2
     params = eopda_geo.Params()
-    o = extract(State(y, np.array([0.5, 0.5])), 0, eopda_geo.CIRCLE, params).objects
+    state = particles(y, np.array([0.5, 0.5]))
+    o = extract(state, 0, eopda_geo.CIRCLE, params, True).objects
     assert np.isclose(abs(o.columns("b_phi")[0, 0]), np.pi)
     assert np.isclose(o.covariance[0, 5, 5], 0.01)
     assert np.allclose(o.columns("device_x", "device_y"), [[-np.cos(0.1), 0.0]])
@@ -246,7 +261,7 @@ def test_start_covers_collinear_anchors_and_a_given_area():
 def test_scans_are_taken_one_time_at_a_time(scene):
     taken = []
     scans = (taken.append(scan.time_ns) or scan for scan in scene.scans())
-    params = eopda_geo.Params(particles=100, rms_bandwidth=1e8)
+    params = eopda_geo.Params(particles=100, rms_bandwidth=1e8, max_range=20.0)
     out = eopda_geo.ACTIVE_PASSIVE.estimate(scene.setup(), scans, params, np.random.default_rng(1))
     for k, estimate in enumerate(out):
         # a group ends when the first event of the next time is seen
@@ -255,8 +270,8 @@ def test_scans_are_taken_one_time_at_a_time(scene):
 
 
 def test_vanishing_weights_end_with_the_time():
-    def impossible(y, device, anchors, links, params):
-        return np.full(y.shape[1], 0.0 if links.z.sum() < 3 else -np.inf)
+    def impossible(state, anchors, links, excess, params):
+        return np.full(state.y.shape[1], 0.0 if links.z.sum() < 3 else -np.inf)
 
     record = ranging([2.5, 3.5], [0, 1], [1.0, 2.5])
     target = replace(eopda_geo.CIRCLE, log_likelihood=impossible)
@@ -294,3 +309,23 @@ def test_what_is_missing_is_named(scene):
 def test_impossible_parameters_are_refused(cls, name, value):
     with pytest.raises(ParameterError, match=name):
         resolve(cls, ("settings", {name: value}))
+
+
+def test_an_offset_that_is_hidden_has_the_law_of_one_that_walks():
+    """Ten steps drawn at once, against ten steps drawn one by one with the length reflected."""
+    n, rng = 40_000, np.random.default_rng(8)
+    y = np.zeros((9, n))
+    y[4], y[5] = 0.15, 1.0
+    params = eopda_geo.Params(max_range=20.0)
+    none = Links(np.zeros(0, int), np.zeros(0, int), np.zeros(1, int), np.zeros(0), np.zeros(0))
+    state = replace(particles(y), hidden=1.0)
+    at_once, gain = turn(state, np.zeros((1, 3)), none, params, rng)
+    length, angle = y[4].copy(), y[5].copy()
+    for _ in range(10):
+        length = np.abs(length + 0.1 * rng.normal(size=n))
+        angle += 0.5 * rng.normal(size=n)
+    assert at_once.hidden == 0 and abs(gain) < 1e-9
+    for a, b in ((at_once.y[4], length), (at_once.y[5], angle)):
+        for power in (1, 2):
+            error = np.sqrt((np.var(a**power) + np.var(b**power)) / n)
+            assert abs((a**power).mean() - (b**power).mean()) < 4.5 * error

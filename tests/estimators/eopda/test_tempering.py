@@ -10,12 +10,24 @@ from echoset.estimators.eopda.tempering import temper
 from echoset.models.errors import EstimatorError
 
 
+def normal(x):
+    """Log density of standard normal variables, but for its factor."""
+    return -0.5 * (x**2).sum(0)
+
+
 def test_narrow_posterior_is_sampled():
     """A Gaussian likelihood a hundred times narrower than the prior has a closed-form posterior."""
     y, s = np.array([1.5, -0.5]), np.array([0.01, 0.02])
-    x = temper(
-        lambda x: -0.5 * (((x[:2].T - y) / s) ** 2).sum(1), 3, 4000, np.random.default_rng(1)
+    rng = np.random.default_rng(1)
+    x, log_z = temper(
+        lambda x: normal(x) - 0.5 * (((x[:2].T - y) / s) ** 2).sum(1),
+        normal,
+        rng.normal(size=(3, 4000)),
+        rng,
     )
+    # the integral of the likelihood over the prior is that of N(y; 0, 1 + s^2), but for its factor
+    exact = (-0.5 * y**2 / (1 + s**2) + np.log(s) - 0.5 * np.log(1 + s**2)).sum()
+    assert abs(log_z - exact) < 0.3
     gain = 1 / (1 + s**2)
     # moves decorrelate what resampling copied: a quarter of the draws counts as independent
     n = len(x[0]) / 4
@@ -25,12 +37,15 @@ def test_narrow_posterior_is_sampled():
 
 
 def test_two_modes_keep_their_masses():
-    def log_likelihood(x):
-        return np.logaddexp(-0.5 * ((x[0] - 1) / 0.05) ** 2, -0.5 * ((x[0] + 1) / 0.05) ** 2)
+    def log_posterior(x):
+        peaks = np.logaddexp(-0.5 * ((x[0] - 1) / 0.05) ** 2, -0.5 * ((x[0] + 1) / 0.05) ** 2)
+        return normal(x) + peaks
 
-    share = [
-        (temper(log_likelihood, 1, 1000, np.random.default_rng(k))[0] > 0).mean() for k in range(20)
-    ]
+    def upper(k):
+        rng = np.random.default_rng(k)
+        return (temper(log_posterior, normal, rng.normal(size=(1, 1000)), rng)[0] > 0).mean()
+
+    share = [upper(k) for k in range(20)]
     assert abs(np.mean(share) - 0.5) < 4.5 * np.std(share) / np.sqrt(20)
     assert min(share) > 0.2 and max(share) < 0.8
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from echoset.estimators.eopda import ideal
 from echoset.metrics.bounds import paths, pcrlb, pcrlb_star
 from echoset.metrics.bounds.information import covariance_bounds, information, intensity
 from echoset.models.errors import InputError, ParameterError
@@ -97,9 +98,11 @@ def test_information_is_that_of_the_log_intensity(tx: tuple[float, float] | None
 
 
 def test_prior_and_transitions_by_hand() -> None:
-    P = pcrlb.prior(np.array([[4.0, 4.5], [0.0, 0.5], [6.5, 0.0]]), pcrlb.Params())
+    # a uniform disc of radius R has the variance R^2 / 4 on each axis; one anchor is enough
+    P = pcrlb.prior(np.array([[4.0, 4.5, 0.0]]), pcrlb.Params(max_range=8.0))
+    np.testing.assert_allclose(P[:2, :2], 16 * np.eye(2), atol=0.01)
     np.testing.assert_allclose(
-        np.diag(P) * 12, [6.5**2, 4.5**2, 12, 12, 0.36, 4 * np.pi**2, 0.16, 0.16, 0.0361]
+        np.diag(P)[2:] * 12, [12, 12, 0.36, 4 * np.pi**2, 0.16, 0.16, 0.0361]
     )
     F, Q = pcrlb.transitions(np.array([0.0, 0.1]), pcrlb.Params())
     np.testing.assert_array_equal(F[0], np.eye(9))
@@ -107,6 +110,60 @@ def test_prior_and_transitions_by_hand() -> None:
     np.testing.assert_allclose(F[1] @ np.arange(9), [0.2, 1.3, 2, 3, 4, 5, 6, 7, 8])
     np.testing.assert_allclose(Q[1][:4:2, :4:2], 4 * np.array([[0.25e-4, 0.5e-3], [0.5e-3, 0.01]]))
     np.testing.assert_allclose(np.diag(Q[1])[4:], [0.01, 0.25, 0.0025, 0.0025, 0.0025])
+    # two steps of half the time are one: walks by the root of time, velocity by white noise
+    F, Q = pcrlb.transitions(np.array([0.0, 0.05]), pcrlb.Params())
+    twice = F[1] @ Q[1] @ F[1].T + Q[1]
+    whole = pcrlb.transitions(np.array([0.1]), pcrlb.Params())[1][0]
+    np.testing.assert_allclose(np.diag(twice)[2:], np.diag(whole)[2:])
+
+
+def test_the_bound_assumes_what_the_filter_assumes() -> None:
+    """Parameters of the same name have the same default, but for what only a recording tells."""
+    own, theirs = pcrlb.Params(), ideal.Params()
+    shared = set(own.__dataclass_fields__) & set(theirs.__dataclass_fields__)
+    assert {"acceleration_std", "bias_angle_std", "axes_prior", "width_std"} <= shared
+    for name in shared - {"max_range", "rms_bandwidth", "device_height"}:
+        assert getattr(own, name) == getattr(theirs, name), name
+
+
+@pytest.mark.parametrize("tx", [(6.5, 0.0, 2.0), None], ids=["passive", "active"])
+def test_gradients_of_slant_paths(tx: tuple[float, ...] | None) -> None:
+    sender, rx = None if tx is None else np.array(tx), np.array([4.0, 4.5, 2.5])
+    h, G = paths.scattered(Y, sender, rx, OPENING, 1.0)
+    numeric = differences(lambda y: paths.scattered(y, sender, rx, OPENING, 1.0)[0], Y)
+    np.testing.assert_allclose(G, numeric, atol=1e-8)
+    q, _ = paths.scatterers(Y, rx[:2], OPENING)
+    start = paths.device(Y)[0] if tx is None else np.array(tx[:2])
+    up = 0.0 if tx is None else 1.0
+    legs = np.hypot(np.hypot(*(q - start).T), up) + np.hypot(np.hypot(*(q - rx[:2]).T), 1.5)
+    np.testing.assert_allclose(h, legs)
+    d, _ = paths.direct(Y, rx, 1.0)
+    np.testing.assert_allclose(d, np.hypot(np.hypot(*(paths.device(Y)[0] - rx[:2])), 1.5))
+
+
+@pytest.mark.parametrize(
+    "settings", [{"snr_db": 15.0}, {"device_height": 1.5}, {"width": 0.02, "mean_clutter": 20.0}]
+)
+def test_information_at_other_settings(settings: dict[str, float]) -> None:
+    """By finite differences of the log intensity, as above."""
+    params, rx = pcrlb.Params(**settings), np.array([4.0, 4.5, 2.5])  # type: ignore[arg-type]
+    height, snr = params.device_height, params.snr_db
+
+    def path(y: np.ndarray) -> np.ndarray:
+        return np.append(
+            paths.direct(y, rx, height)[0], paths.scattered(y, None, rx, OPENING, height)[0]
+        )
+
+    y0 = np.array([*Y[:8], params.width])
+    h0, weight = path(y0), np.append(1.0, 5.0 * paths.nodes()[2])
+    std = 299_792_458.0 / (np.sqrt(8) * np.pi * 500e6 / np.sqrt(12) * 10 ** (snr / 20) / h0)
+    clutter = params.mean_clutter / 20.0
+    z = np.linspace((h0 - 8.5 * std).min(), (h0 + 8.5 * std).max(), 1500)
+    score = differences(lambda y: np.log(intensity(z, path(y), std, weight, clutter)), y0, 1e-5)
+    rate = intensity(z, h0, std, weight, clutter)
+    J = (z[1] - z[0]) * (score * rate[:, None]).T @ score
+    exact = pcrlb.link_information(tuple(y0.tolist()), None, (4.0, 4.5, 2.5), params)
+    np.testing.assert_allclose(exact, J, rtol=1e-5, atol=1e-5 * np.abs(J).max())
 
 
 def test_star_has_the_blocked_links(network: Recording) -> None:
@@ -140,7 +197,7 @@ def test_steps_with_unknown_angle_are_marked(network: Recording) -> None:
         scan={k: v[keep] for k, v in passive.scan.items()},
     )
     recording = replace(network, streams={"uwb": stream})
-    scores = pcrlb.score(None, recording, pcrlb.Params(std_bias_angle=0.72))  # type: ignore[arg-type]
+    scores = pcrlb.score(None, recording, pcrlb.Params(bias_angle_std=0.72))  # type: ignore[arg-type]
     # The angle is found at the first step, then its sigma grows as 0.72 sqrt(k): 0.72, 1.02, ...
     np.testing.assert_array_equal(pick(scores, "pcrlb-valid", "device"), [1, 1, 0, 0, 0])
 

@@ -1,0 +1,121 @@
+"""The filter as an estimator: from a recording's link events to estimates."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from ...models.records import Estimates, Meta, Recording, Scan
+from .extract import extract
+from .filter import track, turn
+from .learn import learn, with_noise
+from .links import Links, Network, link_steps, network
+from .start import MARGIN, SPAN
+from .state import Event, Step, Target, belief
+
+_log = logging.getLogger(__name__)
+NO_LINKS = Links(
+    np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros(0), np.zeros(0)
+)
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceFilter:
+    """An estimator: the filter for a ``target``, with or without the passive links."""
+
+    SUMMARY: str
+    Params: type[Any]
+    target: Target
+    passive: bool = True
+    STREAMS: tuple[str, ...] = ("uwb",)
+    PRESETS: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def estimate(
+        self, setup: Recording, scans: Iterable[Scan], params: Any, rng: np.random.Generator
+    ) -> Iterator[Estimates]:
+        """Yield the estimate of each time at which the network has a link event.
+
+        What is assumed or learnt before stands in the provenance of the first.
+        """
+        net = network(
+            setup,
+            params.device,
+            params.rms_bandwidth,
+            params.amplitude_threshold,
+            params.sigma,
+            params.sigma_factor,
+            params.range_bias,
+        )
+        events = _events(net, scans, self.passive)
+        look_ahead = SPAN if params.max_range is None else 0.0
+        head, events = _head(events, params.learn_span if params.learn else look_ahead)
+        if not head:
+            return
+        found: dict[str, Any] = {}
+        if params.max_range is None:
+            found["max_range"] = _reach(head)
+            params = replace(params, max_range=found["max_range"])
+        _warn_of_geometry(net, head[0], params)
+        if params.learn:
+            params, learnt = learn(net, head, self.target, params, rng)
+            found |= learnt
+            factor = params.sigma_factor
+            events = (with_noise(event, factor / net.sigma_factor) for event in events)
+        if found:
+            said = ", ".join(f"{key} {value}" for key, value in found.items())
+            _log.info("%s: %s", net.name, said)
+        first = belief(net, params)
+        about = Meta("", provenance={"found": found} if found else {})
+        for step in track(events, self.target, params, first, rng, net.name):
+            yield replace(self._shown(step, params, first.height.is_known, rng), meta=about)
+
+    def _shown(self, step: Step, params: Any, known: bool, rng: np.random.Generator) -> Estimates:
+        """The estimate of a step; an offset that is hidden is drawn for it, and not kept."""
+        state = step.state
+        if params.has_object and state.hidden > 0:
+            state, _ = turn(state, np.zeros((1, 3)), NO_LINKS, params, rng)
+        out = extract(state, step.time_ns, self.target, params, known)
+        more = {"evidence": np.array([step.gain]), "sought_anew": np.array([float(step.anew)])}
+        return replace(out, steps={**out.steps, **more})
+
+
+def _events(net: Network, scans: Iterable[Scan], passive: bool) -> Iterator[Event]:
+    for time_ns, (active, heard) in link_steps(net, scans):
+        yield Event(time_ns, net.anchors(time_ns), active, heard if passive else NO_LINKS)
+
+
+def _head(events: Iterator[Event], span: float) -> tuple[list[Event], Iterator[Event]]:
+    """The events of the first ``span`` [s], and all events."""
+    head: list[Event] = []
+    for event in events:
+        head.append(event)
+        if event.time_ns - head[0].time_ns >= span * 1e9:
+            break
+    return head, chain(head, events)
+
+
+def _reach(head: list[Event]) -> float:
+    """The largest range of the first events, and a margin [m]."""
+    most = max(float(links.z.max(initial=0.0)) for e in head for links in e[2:])
+    return round(MARGIN * max(most, 1e-3), 2)
+
+
+def _warn_of_geometry(net: Network, event: Event, params: Any) -> None:
+    """Say once what anchors cannot tell, and what is assumed of heights."""
+    if len(net.sensors) == 1:
+        _log.warning("%s: one anchor: the position is a ring about it", net.name)
+    elif len(net.sensors) == 2:
+        _log.warning("%s: two anchors: the position has a mirror image", net.name)
+    if net.has_heights and params.device_height is None:
+        high = event.anchors[:, 2].max()
+        _log.warning(
+            "%s: the anchors have heights, and 'device_height' is not told: it is estimated, "
+            "between the floor and %.2f m",
+            net.name,
+            high,
+        )

@@ -1,0 +1,190 @@
+"""Parameters fitted to the recording by the filter's own evidence, without any truth.
+
+The evidence of a recording is the sum of the log predictive densities of its steps (the log mean
+weights of the particles, less the mean numbers of ranges, so that rates may differ). It is climbed
+coordinate by coordinate in logarithmic steps, with the same random numbers each time and few
+particles. What explains that ranges are too long, an offset, a scale or a height of the anchors, is
+a choice between models: the one that is told stays unless another gains several nats, since
+parameters that trade against each other fit a little better and are much worse.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ...models.errors import EstimatorError
+from .filter import track
+from .links import Links, Network
+from .params import LEARNABLE, Params
+from .state import Event, Target, belief
+
+PARTICLES = 1000
+"""Particles while learning."""
+GAIN = 3.0
+"""Nats that a change must gain."""
+FINER = (1.4, 1.15)
+"""Factors of the noise in the rounds of the search."""
+SCALE_STD, HEIGHT_STD, BIAS_STD, REST_STD = 0.05, 1.5, 0.3, 0.1
+"""Priors [1, m, m, m] of a scale, a height, an offset, and one beside the others."""
+COARSE = (0.3, 3.0, 10.0)
+"""Factors of all noise that are tried first."""
+SLOWER = (0.5, 0.2, 0.08, 0.04)
+"""Factors of the walks of offset and extent that are tried."""
+FARTHEST = 3
+"""Steps that a walk may be climbed away from what is told."""
+_log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True, eq=False)
+class _Search:
+    """The best parameters so far, and evidences by what has been tried."""
+
+    net: Network
+    events: Sequence[Event]
+    target: Target
+    told: Params
+    seed: int
+    best: Params
+    tried: dict[Params, float] = field(default_factory=dict)
+
+    def evidence(self, params: Params) -> float:
+        """Log-likelihood [nats] of all events; minus infinity where the filter diverges."""
+        if params not in self.tried:
+            rng = np.random.default_rng(self.seed)
+            few = replace(params, particles=min(PARTICLES, params.particles))
+            first = belief(self.net, few)
+            factor = few.sigma_factor / self.net.sigma_factor
+            events = (with_noise(event, factor) for event in self.events)
+            try:
+                steps = track(events, self.target, few, first, rng, self.net.name)
+                self.tried[params] = sum(step.evidence for step in steps)
+            except EstimatorError:
+                self.tried[params] = -np.inf
+        return self.tried[params]
+
+    def offer(self, **changes: Any) -> bool:
+        """Take ``changes`` if they gain enough."""
+        other = _set(self.best, changes)
+        gain = self.evidence(other) - self.evidence(self.best)
+        _log.debug("%s: %s: %+.1f nats", self.net.name, changes, gain)
+        if not gain > GAIN:
+            return False
+        self.best = other
+        return True
+
+    def settle(self, factors: Sequence[float], *names: str) -> None:
+        """Multiply ``names`` by whichever factor gains most, if any does."""
+        told = self.best
+        for factor in factors:
+            self.offer(**{name: getattr(told, name) * factor for name in names})
+
+    def climb(self, factor: float, *names: str, most: int = 10) -> None:
+        """Multiply ``names`` by ``factor``, or divide, as long as it gains; ``most`` times."""
+        told, now = (getattr(params, names[0]) for params in (self.told, self.best))
+        done = int(np.log(now / told) / np.log(factor))
+        for way in (-1, 1):
+            moved = False
+            while abs(done + way) <= most and self.offer(
+                **{name: getattr(self.best, name) * factor**way for name in names}
+            ):
+                moved, done = True, done + way
+            if moved:
+                break
+
+
+def learn(
+    net: Network,
+    events: Sequence[Event],
+    target: Target,
+    params: Params,
+    rng: np.random.Generator,
+) -> tuple[Params, dict[str, Any]]:
+    """Parameters that fit the events best, and what was learnt with its gain in nats."""
+    wanted = LEARNABLE if "all" in params.learn else params.learn
+    search = _Search(net, events, target, params, int(rng.integers(2**63)), params)
+    if "sigma" in wanted:
+        search.settle(COARSE, "sigma_factor")
+        _explain(search, wanted)
+    for finer in FINER:
+        before = search.best
+        if "sigma" in wanted:
+            search.climb(finer, "sigma_factor", most=20)
+        if "rates" in wanted:
+            if params.scatter > 0:
+                search.climb(2.0, "mean_scatter")
+            search.climb(2.0, "mean_clutter")
+        if "walks" in wanted:
+            if params.has_object:
+                search.settle(SLOWER, "bias_angle_std", "bias_distance_std")
+                if target.extent:
+                    search.settle(SLOWER, "axes_std", "width_std")
+            search.climb(1.6, "acceleration_std", most=FARTHEST)
+        _explain(search, wanted)
+        if search.best == before:
+            break
+    best = search.best
+    found = {
+        name: round(getattr(best, name), 6)
+        for name in type(params).__dataclass_fields__
+        if getattr(best, name) != getattr(params, name)
+    }
+    gain = search.evidence(best) - search.evidence(params)
+    return best, {**found, "learning_gain": round(float(gain), 1)}
+
+
+def _explain(search: _Search, wanted: Sequence[str]) -> None:
+    """Choose what makes ranges too long: nothing, an offset, a scale, or a difference in height.
+
+    Beside a scale or height a small offset is left, if offsets are to be learnt.
+    """
+    told, best = search.told, search.best
+    off = {
+        name: 0.0
+        for name, asked in (
+            ("range_bias_std", "bias" in wanted),
+            ("range_scale_std", "scale" in wanted),
+            ("device_height_std", _may_learn_height(search, wanted)),
+        )
+        if asked
+    }
+    rest = {"range_bias_std": REST_STD} if "range_bias_std" in off else {}
+    models: list[dict[str, float]] = [
+        {},
+        {"range_bias_std": told.range_bias_std or BIAS_STD},
+        {"range_scale_std": told.range_scale_std or SCALE_STD, **rest},
+        {"device_height_std": told.device_height_std or HEIGHT_STD, **rest},
+    ]
+
+    def worth(model: Mapping[str, float]) -> float:
+        free = not model or all(getattr(told, name) > 0 for name in model)
+        return search.evidence(_set(best, {**off, **model})) - (0.0 if free else GAIN)
+
+    allowed = [model for model in models if set(model) <= set(off)]
+    if off:
+        worths = [worth(model) for model in allowed]
+        search.best = _set(best, {**off, **allowed[int(np.argmax(worths))]})
+
+
+def _may_learn_height(search: _Search, wanted: Sequence[str]) -> bool:
+    """Whether the height is asked for, and neither told nor estimated from the anchors' own."""
+    return "height" in wanted and search.told.device_height is None and not search.net.has_heights
+
+
+def _set(params: Params, changes: Mapping[str, Any]) -> Params:
+    return replace(params, **changes)
+
+
+def with_noise(event: Event, factor: float) -> Event:
+    """The event with the standard deviations of its ranges times ``factor``."""
+    if factor == 1.0:
+        return event
+
+    def scaled(links: Links) -> Links:
+        return links._replace(variance=links.variance * factor**2)
+
+    return event._replace(active=scaled(event.active), passive=scaled(event.passive))

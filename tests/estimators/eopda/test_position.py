@@ -1,0 +1,177 @@
+"""A tag alone: heights, moving anchors, pauses, offsets by anchor, scale, and learning."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from echoset.estimators.eopda import position
+from echoset.estimators.run import Estimation
+from echoset.models.errors import ParameterError
+from echoset.models.parameters import resolve
+from echoset.models.records import Meta, Recording, Sensor, Stream
+
+CORNERS = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 5.0], [0.0, 5.0]])
+CALIBRATED = {"learn": [], "range_bias_std": 0.0}
+
+
+def walk(t):
+    """A closed path (n, 2) inside the corners."""
+    return np.stack((3 + 2 * np.cos(0.35 * t), 2.5 + 1.6 * np.sin(0.5 * t)), 1)
+
+
+def recording(p, t, sigma=0.05, anchors=CORNERS, seed=1, too_long=0.0, scale=0.0, **model):
+    """A range to each anchor from ``p`` (n, 2 or 3) at ``t`` (n,)."""
+    n, J = len(t), len(anchors)
+    p = np.repeat(np.column_stack((p, np.zeros(n)))[:, :3] if p.shape[1] == 2 else p, J, 0)
+    up = np.column_stack((anchors, np.zeros(J)))[:, :3]
+    rx = np.tile(np.arange(J), n)
+    d = np.linalg.norm(p - up[rx], axis=1)
+    z = (1 + scale) * d + np.broadcast_to(too_long, J)[rx]
+    z = z + sigma * np.random.default_rng(seed).normal(size=len(z))
+    sensors = {f"A{j}": Sensor.static("anchor", a) for j, a in enumerate(anchors)}
+    scan = {"mode": np.zeros(n * J, "u1"), "tx": np.full(n * J, J, "i4"), "rx": rx.astype("i4")}
+    stream = Stream(
+        "uwb",
+        (*sensors, "D"),
+        {"sigma": sigma, **model},
+        np.repeat(np.rint(t * 1e9).astype(np.int64), J),
+        np.arange(n * J + 1),
+        scan,
+        {"distance": np.maximum(z, 0.0)},
+    )
+    return Recording(Meta("tag"), sensors | {"D": Sensor.device()}, {"uwb": stream})
+
+
+def run(record, seed=1, **settings):
+    """Device (n, 2), its covariance, the last objects, and all step values."""
+    settings = {"particles": 1500} | settings
+    asked = Estimation("position", (("settings", settings),), seed).on(record.setup(), "tag")
+    out = list(asked.steps(record.scans()))
+    device = np.concatenate([e.objects.columns("device_x", "device_y") for e in out])
+    covariance = np.concatenate([e.objects.covariance[:, -2:, -2:] for e in out])
+    steps = {k: np.concatenate([e.steps[k] for e in out]) for k in out[0].steps}
+    return device, covariance, out[-1].objects, steps, asked.provenance({}).get("found", {})
+
+
+def rmse(device, truth, first=10):
+    return np.sqrt(((device - truth)[first:] ** 2).sum(1).mean())
+
+
+def test_slant_ranges_of_a_height_told_and_estimated(caplog):
+    t = np.arange(60) * 0.1
+    up = np.column_stack((CORNERS, [2.4, 2.5, 2.6, 2.5]))
+    record = recording(np.column_stack((walk(t), np.full(60, 1.0))), t, anchors=up)
+    told, *_ = run(record, **CALIBRATED, device_height=1.0)
+    assert rmse(told, walk(t)) < 0.08 and not caplog.records
+    found, _, last, *_ = run(record, **CALIBRATED)
+    assert rmse(found, walk(t)) < 0.08 and abs(last.columns("height")[0, 0] - 1.0) < 0.3
+    assert sum("device_height" in r.message for r in caplog.records) == 1
+
+
+def test_anchors_that_move_are_where_they_are():
+    t = np.arange(40) * 0.1
+    still = np.tile([2.0, 3.0], (40, 1))
+    record = recording(still, t)
+    time_ns = np.rint(t * 1e9).astype(np.int64)
+    shift = np.column_stack((0.5 * t, np.zeros((40, 2))))
+    moving = {
+        name: Sensor("anchor", time_ns, s.position + shift, np.tile(s.quaternion, (40, 1)))
+        for name, s in record.sensors.items()
+        if s.kind == "anchor"
+    }
+    device, *_ = run(replace(record, sensors={**record.sensors, **moving}), **CALIBRATED)
+    # ranges are as if the anchors stood still: the device goes along with them
+    assert rmse(device, still + shift[:, :2]) < 0.06
+
+
+@pytest.mark.parametrize("pause", [3.0, 60.0, 86_400.0])
+def test_after_a_pause_the_device_is_found_again(pause):
+    t = np.concatenate((np.arange(15) * 0.1, 1.4 + pause + np.arange(1, 16) * 0.1))
+    p = np.concatenate((walk(t[:15]), np.array([1.0, 4.0]) + 0.05 * np.arange(15)[:, None]))
+    device, covariance, *_ = run(recording(p, t), **CALIBRATED)
+    assert np.hypot(*(device - p)[17:].T).max() < 0.3
+    assert np.sqrt(covariance[17:].trace(axis1=1, axis2=2)).max() < 0.5
+
+
+def test_a_device_that_is_carried_off_is_sought_anew():
+    t = np.arange(40) * 0.1
+    p = np.where(np.arange(40)[:, None] < 20, [1.0, 1.0], [5.0, 4.5])
+    device, _, _, steps, _ = run(recording(p, t), **CALIBRATED)
+    assert np.hypot(*(device - p)[30:].T).max() < 0.2
+    assert 1 <= steps["sought_anew"].sum() <= 3
+    _, _, _, steps, _ = run(recording(walk(t), t), **CALIBRATED)
+    assert not steps["sought_anew"].any() and (steps["evidence"][1:] > 0).all()
+
+
+def extended_kalman_filter(z, rx, t, sigma):
+    """Position, velocity and an offset for each anchor; starts at the truth."""
+    x, P = np.zeros(8), np.diag([0.1, 0.1, 1, 1, *([0.1] * 4)])
+    x[:2] = walk(t[:1])[0]
+    P[4:, 4:] += 0.09 - 0.1 * np.eye(4) + 0.01 * np.eye(4)
+    out, last = [], t[0]
+    for k in range(len(z)):
+        dt = t[k] - last
+        F, G = np.eye(8), np.zeros((8, 2))
+        F[:2, 2:4], G[:2], G[2:4] = dt * np.eye(2), dt**2 / 2 * np.eye(2), dt * np.eye(2)
+        x, P = F @ x, F @ P @ F.T + (0.1 * 2.0**2 / dt * G @ G.T if dt else 0)
+        d = np.hypot(*(x[:2] - CORNERS[rx[k]]))
+        H = np.zeros(8)
+        H[:2], H[4 + rx[k]] = (x[:2] - CORNERS[rx[k]]) / d, 1
+        K = P @ H / (H @ P @ H + sigma**2)
+        x, P = x + K * (z[k] - d - x[4 + rx[k]]), P - np.outer(K, H @ P)
+        out, last = [*out, x[:2]], t[k]
+    return np.array(out)
+
+
+def test_offsets_by_anchor_are_as_good_as_an_extended_kalman_filter():
+    t = np.arange(120) * 0.1
+    too_long = 0.3 + 0.1 * np.random.default_rng(5).normal(size=4)
+    record = recording(walk(t), t, too_long=too_long)
+    s = record.streams["uwb"]
+    kalman = extended_kalman_filter(
+        s.rows["distance"], s.scan["rx"], s.time_ns * 1e-9, 0.05
+    ).reshape(120, 4, 2)[:, -1]
+    device, covariance, last, *_ = run(record, learn=[], particles=4000)
+    assert rmse(device, walk(t), 30) < max(1.3 * rmse(kalman, walk(t), 30), 0.08)
+    e = (device - walk(t))[30:]
+    nees = np.einsum("ni,nij,nj->n", e, np.linalg.inv(covariance[30:]), e)
+    assert nees.mean() < 4.0
+    spread = np.sqrt(last.covariance[0, 4, 4])
+    assert abs(last.columns("range_bias")[0, 0] - too_long.mean()) < 4.5 * spread
+
+
+def test_a_scale_is_found_and_taken_for_one():
+    rng = np.random.default_rng(2)
+    t = np.arange(160) * 0.25
+    field = 80.0 * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    p = np.stack((20 + 1.0 * t, 30 + 10 * np.sin(0.1 * t)), 1)
+    record = recording(p, t, sigma=0.5, anchors=field, seed=rng.integers(99), scale=0.07)
+    device, _, last, _, found = run(record, learn=["scale", "bias"], range_bias_std=0.3)
+    assert found["range_scale_std"] > 0 and found["learning_gain"] > 3
+    assert abs(last.columns("range_scale")[0, 0] - 0.07) < 0.01 and rmse(device, p) < 1.0
+
+
+def test_noise_that_is_told_wrong_is_learnt():
+    t = np.arange(40) * 0.1
+    record = recording(walk(t), t, sigma=0.2)
+    *_, found = run(record, learn=["sigma"], sigma=0.1, particles=300)
+    assert 0.13 < 0.1 * found["sigma_factor"] < 0.3
+
+
+def test_two_anchors_or_one_are_said_once(caplog):
+    t = np.arange(5) * 0.1
+    with caplog.at_level(logging.WARNING):
+        run(recording(walk(t), t, anchors=CORNERS[:2]), **CALIBRATED, particles=200)
+        run(recording(walk(t), t, anchors=CORNERS[:1]), **CALIBRATED, particles=200)
+    assert ["mirror" in r.message or "ring" in r.message for r in caplog.records] == [True, True]
+
+
+def test_only_what_can_be_learnt_may_be_named():
+    with pytest.raises(ParameterError, match="learn must be one of walks rates"):
+        resolve(position.Params, ("--set", {"learn": ["speed"]}))
+    with pytest.raises(ParameterError, match="device_height must be at least 0"):
+        resolve(position.Params, ("--set", {"device_height": -1.0}))
