@@ -6,10 +6,11 @@ STAMP := $(VENV)/.installed
 RUNS ?= 4
 JOBS ?= 2
 FUZZ ?= 10000
+FORGE ?= 20000
 SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check browser fuzz docs packaging verify bench marks control-table autoferry labyrinth gsncp-table jsc-table paper paper-quick clean
+.PHONY: demo test check browser fuzz forge docs packaging verify bench marks control-table autoferry labyrinth gsncp-table jsc-table paper paper-quick clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -54,6 +55,9 @@ browser: $(STAMP)
 # Changed inputs of every reader: FUZZ of each, on two cores. A few minutes.
 fuzz: $(STAMP)
 	$(BIN)/python tests/fuzz/fuzz.py --count $(FUZZ) --jobs $(JOBS)
+
+forge: $(STAMP)
+	$(BIN)/python tests/fuzz/forge.py --count $(FORGE)
 
 # The documentation as pages for a browser, in docs/_build/html; a warning is an error.
 docs: $(STAMP)

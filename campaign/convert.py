@@ -43,6 +43,14 @@ class Import:
         return recording
 
 
+def proposal(name: str, log: str) -> str:
+    """What the importer ``name`` proposes as the mapping of a log."""
+    module = registry.load("echoset.importers", name)
+    if not hasattr(module, "propose"):
+        raise ParameterError(f"the importer {name!r} needs no mapping")
+    return str(module.propose(Path(log))).rstrip("\n")
+
+
 @dataclass(frozen=True, slots=True)
 class Task:
     """A file to be written in another format, or to be imported; ``show`` the progress.
@@ -112,10 +120,10 @@ def _recovered(path: Path, task: Task) -> bool:
     try:
         with closing(formats.open_windows(path)) as windows:
             deque(windows, maxlen=0)
-            whole = True
-    except FormatError:
-        whole = False
-    if whole:
+        refused = None
+    except FormatError as error:
+        refused = error
+    if refused is None:
         return replace(task, recover=False).run()
     with closing(formats.rescue(path)) as found, task.target.open() as opened:
         writer: Any = None
@@ -125,12 +133,13 @@ def _recovered(path: Path, task: Task) -> bool:
                     _known(task.target, window)
                     writer = formats.writer(opened, task.target.format)
                 writer.append(window)
+            damage = found.damage
+            if damage is None:
+                raise refused
             writer.close(found.meta, found.recording)
         finally:
             if writer is not None:
                 writer.abort()
-    damage = found.damage
-    assert damage is not None, "a whole file is converted"
     reason = f"{damage.where}: {damage.reason}"
     name, count = label(task.label), found.messages
     log.logger.warning("%s: recovered %d messages, to the damage at %s", name, count, reason)

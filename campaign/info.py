@@ -9,8 +9,8 @@ from typing import Any
 
 from .. import formats
 from ..formats import scores as tables
+from ..models.names import printable
 from .inputs import SCORES, label, spooled
-from .names import printable
 
 
 def inspect(file: str) -> dict[str, Any]:

@@ -6,7 +6,8 @@ import logging
 import sys
 from datetime import UTC, datetime
 
-from .names import json_text, printable
+from ..models.names import printable
+from .names import json_text
 
 FORMATS = ("text", "json")
 logger = logging.getLogger("echoset")

@@ -98,7 +98,7 @@ def score(task: Task) -> FileScores:
             raise InputError(f"{task.label}: holds a recording, not estimates")
         place = None if found.has_recording else truth.find(estimates, task.label, task.truth)
         path, label = (source, task.label) if place is None else (place, str(place))
-        beside = formats.open_windows(path, label, recording=place is None, scans=False)
+        beside = formats.open_windows(path, label, recording=place is None)
         about = stack.enter_context(closing(beside))
         recording = about.head
         assert isinstance(recording, Recording)

@@ -11,10 +11,10 @@ from pathlib import Path
 from .. import formats
 from ..formats import scores
 from ..models.errors import InputError
+from ..models.names import printable
 from ..models.records import Recording, Stream
 from .batch.execution import Execution
 from .inputs import is_scores, label, spooled
-from .names import printable
 from .outputs import say
 from .progress import share
 

@@ -11,9 +11,25 @@ from ..campaign.outputs import Existing, plan, scores_format
 from . import options
 
 
+def _propose(importer: str | None, inputs: tuple[str, ...], output: str | None) -> None:
+    """Print the mapping that is proposed for a log."""
+    from ..campaign.convert import proposal
+    from ..campaign.outputs import say
+    from ..models.errors import ParameterError
+
+    if importer is None or len(inputs) != 1 or output is not None:
+        raise ParameterError("--propose is for one log and --from; it prints to stdout")
+    say(proposal(importer, inputs[0]))
+
+
 @click.command("convert")
 @options.inputs("inputs", "IN...")
-@options.output("File, folder (with a slash at the end) or - for stdout.")
+@click.option(
+    "-o",
+    "--output",
+    type=options.PATH,
+    help="File, folder (with a slash at the end) or - for stdout.",
+)
 @options.data_format
 @click.option(
     "--from",
@@ -24,6 +40,11 @@ from . import options
 )
 @click.option("--mapping", metavar="FILE", help="What columns mean, for --from csv.")
 @click.option(
+    "--propose",
+    is_flag=True,
+    help="With --from csv, print a mapping with what is recognised in the log, to be edited.",
+)
+@click.option(
     "--recover", is_flag=True, help="Of a damaged MCAP file, keep what comes before the damage."
 )
 @options.config
@@ -33,10 +54,11 @@ from . import options
 @options.logging_options
 def command(
     inputs: tuple[str, ...],
-    output: str,
+    output: str | None,
     form: str | None,
     importer: str | None,
     mapping: str | None,
+    propose: bool,
     recover: bool,
     config: str | None,
     settings: tuple[str, ...],
@@ -52,8 +74,12 @@ def command(
     damage, with a digest of their own and a note in the provenance; the exit code is then 3, and 4
     where there is nothing. A file that is whole is converted as ever.
 
+    With --propose, nothing is converted: a mapping for the log goes to stdout, with marks at what
+    was guessed and at what has to be filled in, such as where the anchors stand.
+
     \b
     echoset convert recording.h5 -o recording.mcap
+    echoset convert --from csv log.csv --propose > log.yaml
     echoset convert --from csv log.csv --mapping log.yaml -o recording.h5
     """
     from ..campaign.batch.run import run
@@ -61,6 +87,10 @@ def command(
     from ..campaign.inputs import SCORES
     from ..models.errors import ParameterError
 
+    if propose:
+        return _propose(importer, inputs, output)
+    if output is None:
+        raise ParameterError("Missing option '-o' / '--output'")
     if importer and recover:
         raise ParameterError("--recover is for our own files, not for --from")
     if importer:

@@ -22,6 +22,7 @@ from ..models.errors import FormatError, ParameterError
 from ..models.records import Estimates, Meta, Recording, Scan
 from . import leaves
 from .damage import damage
+from .foreign import hint
 from .whole import WholeWindows, WholeWriter
 from .windows import concatenate, windows
 
@@ -130,6 +131,8 @@ def _identify(source: Target, path: object) -> tuple[Any, str]:
     """The format module of a file by its magic bytes, and its name."""
     with damage(path, ""):
         if isinstance(source, Path):
+            if source.is_dir():
+                raise FormatError(path, "", f"Is a directory{hint(source)}")
             if stat.S_ISFIFO(source.stat().st_mode):
                 raise FormatError(path, "", "is a pipe: it can be read only once")
             with source.open("rb") as file:
@@ -144,7 +147,9 @@ def _identify(source: Target, path: object) -> tuple[Any, str]:
         module = registry.load(GROUP, name)
         if head.startswith(module.MAGIC):
             return module, name
-    raise FormatError(path, "byte 0", "neither HDF5 nor MCAP" if head else "the file is empty")
+    if not head:
+        raise FormatError(path, "byte 0", "the file is empty")
+    raise FormatError(path, "byte 0", f"neither HDF5 nor MCAP{hint(source)}")
 
 
 def _name(source: Target, path: object) -> object:
@@ -155,12 +160,11 @@ def open_windows(
     source: Target,
     path: object = None,
     recording: bool = False,
-    scans: bool = True,
     size: int | None = None,
 ) -> Windows:
     """Open a record for reading in windows of ``size`` steps or scans, or more.
 
-    With ``recording`` it is that beside estimates; without ``scans`` its streams stay empty.
+    With ``recording`` it is that beside estimates.
 
     Raises
     ------
@@ -169,8 +173,8 @@ def open_windows(
     path = _name(source, path)
     module, _ = _identify(source, path)
     if not hasattr(module, "windows"):
-        return WholeWindows(module.read(source, path), path, recording, scans, size)
-    found: Windows = module.windows(source, path, recording, scans, size)
+        return WholeWindows(module.read(source, path), path, recording, size)
+    found: Windows = module.windows(source, path, recording, size)
     return found
 
 

@@ -23,7 +23,6 @@ class WholeWindows:
         record: Recording | Estimates,
         path: object,
         recording: bool = False,
-        scans: bool = True,
         size: int | None = None,
     ) -> None:
         self._done, self._size = 0, size
@@ -36,9 +35,6 @@ class WholeWindows:
         if isinstance(self._whole, Estimates):
             self._whole = replace(self._whole, recording=None)
         self.head = between(self._whole, *NONE)
-        if isinstance(self._whole, Recording) and not scans:
-            streams = {name: s.part(0, 0) for name, s in self._whole.streams.items()}
-            self._whole = replace(self._whole, streams=streams)
 
     @property
     def meta(self) -> Meta:

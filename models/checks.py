@@ -18,10 +18,12 @@ from .columns import (
     BLOCKED,
     COLUMNS,
     INTEGERS,
+    MODEL,
     OBJECTS,
     PASSIVE,
     REQUIRED,
     SENSOR,
+    STEPS,
     STREAM_KINDS,
     Column,
     Leaf,
@@ -108,6 +110,9 @@ def check_meta(meta: Meta, path: object = "recording") -> None:
     for name in ("name", "epoch", "frame", "origin"):
         Where(path, name).text(getattr(meta, name))
     _check_shown(meta.name, Where(path, "name"))
+    for key in ("parameters", "input", "versions"):
+        if not isinstance(meta.provenance.get(key, {}), Mapping):
+            Where(path, "provenance").fail(f"{key!r} is not an object")
 
 
 def _check_shown(name: str, at: Where) -> None:
@@ -236,6 +241,9 @@ def check_steps(steps: Mapping[str, Array], n: int, path: object = "recording") 
             at.fail("must be an array of numbers")
         if values.shape[:1] != (n,):
             at.fail(f"has shape {values.shape}, needs {n} steps")
+        for leaf in STEPS:
+            if leaf.name == key:
+                _check_array(values, leaf, {"n": n}, at)
         at.finite(values)
 
 
@@ -274,6 +282,8 @@ def _check_model(model: Model, at: Where) -> None:
     at.group(model)
     for key, value in model.items():
         _check_key(key, at)
+        if key in MODEL and not (np.ndim(value) == 0 and _is_numbers(np.asarray(value))):
+            (at / key).fail("is not a number")
         if isinstance(value, str):
             (at / key).text(value)
         if isinstance(value, str | bool):
@@ -287,6 +297,8 @@ def _check_model(model: Model, at: Where) -> None:
                 (at / key).fail("is an integer that does not fit 8 bytes")
             (at / key).fail(f"{value!r} is neither a number, a text nor a list of numbers")
         (at / key).none(~np.isfinite(np.atleast_1d(values)), np.atleast_1d(values), "is not finite")
+        if key in MODEL:
+            (at / key).none(np.atleast_1d(values) < 0, np.atleast_1d(values), "is negative")
 
 
 def _check_key(key: object, at: Where) -> None:

@@ -130,16 +130,21 @@ def _optional(path: str, type: str, shape: str = "", unit: str = "", meaning: st
     return Leaf(path, type, tuple(shape.split()), unit, meaning, optional=True)
 
 
-META = (
-    _hidden("kind", TEXT, "", "", "`recording` or `estimates`"),
+MODEL = (
+    "p_detect", "clutter_rate", "max_range", "mean_clutter", "mean_scatter", "mean_los",
+    "rms_bandwidth", "amplitude_threshold", "sigma", "range_bias_std",
+)  # fmt: skip
+"""Entries of sensor models that are numbers and not negative."""
+
+META = (    _hidden("kind", TEXT, "", "", "`recording` or `estimates`"),
     _leaf("name", TEXT, meaning="base name of the recording, the same for its estimates; keys "
           "random streams and fills the column `recording` of scores"),
     _leaf("epoch", TEXT, meaning="what times count from, ISO 8601; `1970-01-01T00:00:00Z` for "
           "simulations"),
     _leaf("frame", TEXT, meaning="name of the map's frame"),
     _leaf("origin", TEXT, meaning="where the map's origin lies on Earth, free text, may be empty"),
-    _hidden("provenance", TEXT, "", "", "a JSON object with sorted keys: where the record comes "
-            "from, see [](reproducibility.md)"),
+    _hidden("provenance", TEXT, "", "", "a JSON object of plain data with sorted keys: where "
+            "the record comes from, see [](reproducibility.md)"),
 )  # fmt: skip
 
 SENSOR = (

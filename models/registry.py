@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import logging
+from dataclasses import fields
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from .errors import ParameterError
 from .parameters import suggestion
+
+_log = logging.getLogger(__name__)
 
 
 @cache
@@ -32,3 +36,16 @@ def load(group: str, name: str) -> Any:
         kind = group.rpartition(".")[2].replace("ies", "y").removesuffix("s")
         raise ParameterError(f"unknown {kind} {name!r}{suggestion(name, points)}")
     return points[name].load()
+
+
+@cache
+def parameters(*groups: str) -> frozenset[str]:
+    """Names of the parameters of all that is in the entry-point ``groups`` and can be loaded."""
+    found: set[str] = set()
+    for group in groups:
+        for name, point in _points(group).items():
+            try:
+                found |= {field.name for field in fields(point.load().Params)}
+            except Exception as error:
+                _log.info("%s %s does not load: %s", group, name, error)
+    return frozenset(found)

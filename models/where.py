@@ -12,7 +12,9 @@ import numpy as np
 from .errors import FormatError
 from .records import Array
 
-_HIDDEN = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+_HIDDEN = re.compile(
+    "[\\x00-\\x1f\\x7f-\\x9f\\u2028\\u2029\\u202a-\\u202e\\u2066-\\u2069\\ud800-\\udfff]"
+)
 """Control characters, those that turn the direction of a text, and halves of characters."""
 
 

@@ -11,7 +11,8 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from .table import Cell, Table, plain, printable, visible
+from ..models.names import printable
+from .table import Cell, Table, as_shown, plain
 
 Plots = Mapping[str, str]
 """Titles and ``<svg>`` elements."""
@@ -55,12 +56,12 @@ def page(
     gaps: Table | None = None,
 ) -> str:
     """The page; without ``plots`` a line says how to get them, without ``gaps`` nothing of them."""
-    tables = [printable(t) for t in tables]
+    tables = [as_shown(t) for t in tables]
     sections = {
         "Tables": "".join(_table(t) for t in tables if not _timed(t)),
         "Plots": _plots(plots),
         "Over time": "".join(_table(t) for t in tables if _timed(t)),
-        "Failures and gaps": "" if gaps is None else _gaps(printable(gaps)),
+        "Failures and gaps": "" if gaps is None else _gaps(as_shown(gaps)),
         "Parameters": "".join(map(_table, _parameters(provenance))),
         "Provenance": _provenance(provenance),
     }
@@ -120,7 +121,7 @@ def _plots(plots: Plots | None) -> str:
     if not plots:
         return "<p>Nothing among the scores that a plot shows.</p>\n"
     figures = (
-        f"<figure>\n<figcaption>{html.escape(visible(title))}</figcaption>\n{svg}\n</figure>\n"
+        f"<figure>\n<figcaption>{html.escape(printable(title))}</figcaption>\n{svg}\n</figure>\n"
         for title, svg in plots.items()
     )
     return f'<div class="plots">\n{"".join(figures)}</div>\n'
@@ -152,7 +153,7 @@ def _parameters(provenance: Mapping[str, Any]) -> Iterator[Table]:
         values = (
             ("value",) if len(known) == 1 else tuple(f"value {i + 1}" for i in range(len(known)))
         )
-        yield printable(Table(metric, ("parameter", *values), rows))
+        yield as_shown(Table(metric, ("parameter", *values), rows))
 
 
 def _provenance(provenance: Mapping[str, Any]) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 from ..models.errors import ParameterError
 from ..models.parameters import suggestion
 from .page import first, page
-from .table import Cell, Number, Table, plain, printable
+from .table import Cell, Number, Table, as_shown, plain
 
 Provenance = Mapping[str, Any]
 
@@ -31,7 +31,7 @@ def render(tables: Sequence[Table], format: str, provenance: Provenance | None =
     """
     if format not in FORMATS:
         raise ParameterError(f"unknown format {format!r}{suggestion(format, FORMATS)}")
-    shown = tables if format == "json" else [printable(t) for t in tables]
+    shown = tables if format == "json" else [as_shown(t) for t in tables]
     return FORMATS[format](shown, provenance or {})
 
 
@@ -85,7 +85,7 @@ def _csv(tables: Sequence[Table], provenance: Provenance) -> str:
 
 def _harmless(cell: Any) -> Any:
     """A cell of which no spreadsheet makes a formula."""
-    return f"'{cell}" if isinstance(cell, str) and cell.startswith(("=", "+", "-", "@")) else cell
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith("=") else cell
 
 
 def _expand(name: str, cells: Sequence[Cell]) -> dict[str, list[Any]]:

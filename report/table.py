@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ..models.names import printable
+
 
 @dataclass(frozen=True, slots=True)
 class Number:
@@ -57,18 +59,11 @@ def _fixed(value: float, decimals: int) -> str:
     )
 
 
-def visible(text: str) -> str:
-    """``text`` with characters that are not printed, such as controls, as their escapes."""
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-
-
-def printable(table: Table) -> Table:
-    """The table with all its texts :func:`visible`."""
-    columns = tuple(map(visible, table.columns))
-    rows = (tuple(visible(c) if isinstance(c, str) else c for c in row) for row in table.rows)
-    return Table(visible(table.title), columns, tuple(rows))
+def as_shown(table: Table) -> Table:
+    """The table with all its texts as they are shown."""
+    columns = tuple(map(printable, table.columns))
+    rows = (tuple(printable(c) if isinstance(c, str) else c for c in row) for row in table.rows)
+    return Table(printable(table.title), columns, tuple(rows))
 
 
 def plain(cell: Cell, plus_minus: str = "±") -> str:

@@ -78,7 +78,7 @@ def oracle(recording: Recording) -> Objects:
 
 def filtered(name: str, recording: Recording) -> Objects:
     """What a filter makes of all streams, at the scans of the radar."""
-    layer = ("preset", presets(name)["autoferry"])
+    layer = ("--preset autoferry", presets(name)["autoferry"])
     asked = Estimation(name, (layer,), use_sensor_model=False)
     run = asked.on(recording.setup(), recording.meta.name)
     found = concatenate(list(run.steps(recording.scans()))).objects

@@ -19,8 +19,8 @@ from typing import Any, Generic, TypeVar, cast
 
 from ...formats.atomic import refuse_unwritable, sweep
 from ...models.errors import EchosetError, FormatError
+from ...models.names import printable
 from .. import exits, log, machine, progress
-from ..names import printable
 from ..outputs import Existing, Target, refuse_collisions, say
 from . import makefile
 from .execution import Execution

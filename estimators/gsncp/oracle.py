@@ -1,9 +1,10 @@
-"""What could be known at best: every detection's target and point of reflection are told.
+"""Extended targets where every detection's target and point of reflection are told.
 
 The position is the mean of the detections, weighted by the inverse of the sensor's covariance at
 the true reflection point plus that of the true extent; the extent is their scatter about the true
 centre less the sensor's covariance, in the box of the prior. A target without detections has no
-estimate.
+estimate. A reference, no bound: who uses how many detections a volume sends, and the prior, can be
+better in the extents, of which few detections tell little.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from .params import SceneParams
 from .scene import epochs, grid
 from .sensors import STREAMS, noise
 
-SUMMARY = "lower bound: means and scatters under the true association (uses the truth)"
+SUMMARY = "extended targets by means and scatters under the true association (uses the truth)"
 USES_TRUTH = True
 """``setup`` is the whole recording, with truth and origins."""
 PRESETS = Presets(__package__, "oracle")

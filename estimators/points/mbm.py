@@ -26,7 +26,7 @@ from .cuts import Told
 from .edge import detection_probability
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.gaussians import falling
-from .kernels.smoothing import Epoch, smooth
+from .kernels.smoothing import Epoch, ended, smooth
 from .mbm_filter import Params, State, init, predict, reduce, update
 from .sensing import (
     UNKNOWN,
@@ -132,7 +132,9 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
     classes = recognised(sight, label, m[:, :2], alive, state.classes)
     n = max(state.detections // 2, *(len(seen.z) for seen in used))
     state = replace(state, classes=classes, cut={**state.cut, **cut}, detections=n)
-    return state, Epoch(together[0].time_ns, state.mixture.local, gone.F, gone.Q)
+    x = state.mixture
+    time_ns = together[0].time_ns
+    return state, Epoch(time_ns, x.local, gone.F, gone.Q, x.label, x.table[0])
 
 
 def estimate(
@@ -164,8 +166,8 @@ def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
     for time_ns, group in groupby(context.source.used(scans), key=lambda scan: scan.time_ns):
         together = list(group)
         state, epoch = step(state, together, context)
-        moved = _moved(state.mixture, moved, params)
         epochs.append(epoch)
+        moved = _moved(state.mixture, moved, params, epochs)
         told.warn(state.cut, time_ns, count(together))
         lost = sum(v for name, v in state.cut.items() if name != "max_detections")
         numbers.append(_numbers(state.mixture, lost) | regional(state.mixture, context.regions))
@@ -239,20 +241,27 @@ def _numbers(mixture: Mixture, cut: float = 0.0) -> dict[str, Array]:
     return {key: np.array([value]) for key, value in (values | sizes).items()}
 
 
-def _moved(mixture: Mixture, moved: set[int], params: Params) -> set[int]:
+def _moved(
+    mixture: Mixture, moved: set[int], params: Params, epochs: Iterable[Epoch] = ()
+) -> set[int]:
     """Labels of the tracks that have travelled far enough from their first detection, ever."""
     tracks, index = extract(mixture, params)
     way = mixture.local.m[index] - mixture.start[tracks]
     way = np.where(np.isnan(way), 0.0, way)
     far = np.hypot(way[:, 0], way[:, 1]) >= params.min_travel
-    return moved & set(mixture.label.tolist()) | set(mixture.label[tracks[far]].tolist())
+    living = {label for epoch in epochs for label in epoch.label.tolist()}
+    living |= set(mixture.label.tolist())
+    return moved & living | set(mixture.label[tracks[far]].tolist())
 
 
 def _objects(mixture: Mixture, epochs: list[Epoch], moved: set[int], params: Params) -> Objects:
-    """The targets at the first of ``epochs``, as they look after the last."""
+    """The targets at the first of ``epochs``, as they look after the last of their own."""
     tracks, index = extract(mixture, params)
-    age, r, m, P = smooth(epochs, index)
-    label = mixture.label[tracks]
+    found = [(mixture.label[tracks], *smooth(epochs, index))]
+    for k, those in ended(epochs, mixture.label).items():
+        gone, last = np.array(those).T
+        found.append((gone, *smooth(epochs[: k + 1], last)))
+    label, age, r, m, P = (np.concatenate(columns) for columns in zip(*found, strict=True))
     shown = np.isin(label, list(moved)) & (age >= -params.retrodict)
     if params.extraction == "existence":
         shown &= r >= params.extract_existence

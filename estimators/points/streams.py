@@ -61,7 +61,7 @@ def _said(cls: type[Any], setup: Recording, layers: Sequence[Layer]) -> dict[str
         for name, values in sensors.items():
             require(isinstance(values, Mapping), f"sensors.{name}", "a mapping", values)
             if name not in setup.streams:
-                if source.startswith("--preset"):
+                if source.lstrip("-").startswith("preset"):
                     continue
                 hint = suggestion(str(name), setup.streams)
                 raise ParameterError(f"{source}: sensors.{name}: no such stream{hint}")

@@ -36,7 +36,7 @@ def header(source: Path, path: object) -> dict[str, Any]:
             if absent:
                 raise FormatError(path, place, foreign(absent[0]))
             digests = json.loads(_text(file, "tokens"))
-            found["provenance"] = _text(file, "provenance")
+            found |= {name: _text(file, name) for name in _OWN if name in file}
         expected = leaves.header(digests)
         own = {name: leaves.digest_of(found[name]) for name in _OWN if name in found}
         stated = {name: digests.get(name) for name in _OWN}

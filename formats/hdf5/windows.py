@@ -21,7 +21,7 @@ from .reader import Column, LeafReader
 class Windows:
     """A record that is read in windows of time, or with ``recording`` that beside estimates.
 
-    ``head`` is the record without steps or scans. Without ``scans`` the streams stay empty.
+    ``head`` is the record without steps or scans.
     """
 
     def __init__(
@@ -29,7 +29,6 @@ class Windows:
         source: Path | IO[bytes],
         path: object,
         recording: bool = False,
-        scans: bool = True,
         size: int | None = None,
     ) -> None:
         self.path, self._size, self._done = path, size, 0
@@ -46,9 +45,7 @@ class Windows:
             self.head = self._record({})
             check(self.head, path)
             self.unit = "scan" if isinstance(self.head, Recording) else "step"
-            skipped = () if scans else (f"{self._top}streams/",)
-            read = [p for p in own if p in grow and not p.startswith(skipped)]
-            self._columns = {p: Column(self._reader, p) for p in read}
+            self._columns = {p: Column(self._reader, p) for p in own if p in grow}
         except BaseException:
             self.close()
             raise

@@ -60,7 +60,7 @@ class LeafWriter:
                 path,
                 (0, *part.shape[1:]),
                 part.dtype,
-                maxshape=(None, *part.shape[1:]),
+                maxshape=(None, *(n or None for n in part.shape[1:])),
                 chunks=(rows, *(max(1, n) for n in part.shape[1:])),
                 compression="gzip",
                 shuffle=True,

@@ -90,6 +90,13 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     return recording
 
 
+def recognises(path: Path, head: bytes) -> bool:
+    """Whether a file, from its first bytes, or a folder is one of the benchmark."""
+    if path.is_dir():
+        return any(path.glob(f"*{ENDINGS[0]}.json"))
+    return head.lstrip()[:1] == b"[" and b'"sensorID"' in head
+
+
 def _files(paths: Sequence[Path]) -> list[Path]:
     if len(paths) == 1 and paths[0].is_dir():
         found = [f for ending in ENDINGS for f in sorted(paths[0].glob(f"*{ending}.json"))]

@@ -7,10 +7,11 @@ The Labyrinth Dataset, Tim Pfeifer, TU Chemnitz. Lines of fields separated by bl
 
 Ranges become active link events of one device, anchors sensors at rest, and points the truth:
 ``device_x device_y``, without an extent. The covariance of the points is not used, and lines of
-wheel odometry (``odom2diff``) are skipped, as long as they are numbers. Lines in any order are
-sorted stably by time. Two-way ranging tells one distance per event, which the stream's model says
-as ``mean_los`` 1 and ``mean_scatter`` 0, and its distances share an offset as long as the delays of
-the antennas are not calibrated: ``range_bias_std`` says how well it is known beforehand.
+wheel odometry (``odom2diff``) are skipped, as long as they are numbers. Lines that are late are
+sorted stably by time; a clock that begins anew is refused. Two-way ranging tells one distance per
+event, which the stream's model says as ``mean_los`` 1 and ``mean_scatter`` 0, and its distances
+share an offset as long as the delays of the antennas are not calibrated: ``range_bias_std`` says
+how well it is known beforehand.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from ...models.columns import ACTIVE
 from ...models.errors import FormatError
 from ...models.parameters import as_dict, parameter, require
 from ...models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
-from .rows import to_stream
+from .rows import restart, to_stream
 from .text import Table, TextFile, read_text
 
 SUMMARY = "UWB two-way ranges and ground truth in the text form of libRSF (The Labyrinth Dataset)"
@@ -80,6 +81,13 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     recording = Recording(meta, sensors, {"uwb": stream}, truth)
     check(recording, ranges.places[0][0])
     return recording
+
+
+def recognises(path: Path, head: bytes) -> bool:
+    """Whether a file, from its first bytes, or a folder is one of libRSF's."""
+    if path.is_dir():
+        return any((path / name).exists() for name in FOLDER)
+    return head.split()[:1] in ([word.encode()] for word in FIELDS)
 
 
 def _files(paths: Sequence[Path]) -> list[Path]:
@@ -142,6 +150,9 @@ def _ranges(table: Table, params: Params) -> tuple[Stream, dict[str, Sensor]]:
             table.fail("anchor", i, f"{ids[i][:40]!r} cannot name an anchor")
     table.none("x", (position != position[first][index]).any(axis=1), "the anchor has moved")
     _once(table, time, index, "range of this anchor")
+    again = restart(time, index)
+    if again is not None:
+        table.fail("time", again, "the clock goes back and on again: are these two runs?")
     sensors = {params.device: Sensor.device(0)}
     sensors |= {
         str(a): Sensor.static("anchor", position[i]) for a, i in zip(anchors, first, strict=True)

@@ -48,3 +48,20 @@ def pad(columns: Mapping[str, Array], detected: Array, more: int) -> tuple[dict[
     tail = np.full(more, np.nan)
     padded = {key: np.concatenate([values, tail]) for key, values in columns.items()}
     return padded, np.concatenate([detected, np.zeros(more, bool)])
+
+
+def restart(time: Array, group: Array) -> int | None:
+    """The row at which the clock of a ``group`` (m,) begins anew, or None.
+
+    A row that is late falls behind those before it; where the time *rises* behind them, a second
+    pass has begun.
+    """
+    for g in np.unique(group).tolist():
+        rows = np.flatnonzero(group == g)
+        t = time[rows]
+        behind = t < np.maximum.accumulate(t)
+        rises = behind[1:] & behind[:-1] & (np.diff(t) > 0)
+        if rises.any():
+            last = int(rises.argmax())
+            return int(rows[last - int(behind[last::-1].argmin()) + 1])
+    return None

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
-from typing import NoReturn
+from typing import ClassVar, NoReturn
 
 import numpy as np
 
@@ -72,6 +72,7 @@ class Table:
     columns: Mapping[str, Sequence[str]]
     places: Sequence[tuple[Path, int]]
     names: Mapping[str, object] = field(default_factory=dict)
+    comma: ClassVar[str] = "decimals are written with a point"
 
     def __len__(self) -> int:
         return len(self.places)
@@ -89,9 +90,19 @@ class Table:
 
     def numbers(self, key: str, missing: bool = False) -> Array:
         """A column as finite float64 (m,); empty fields are NaN if ``missing``."""
-        return numbers(
-            self.columns[key], lambda index, reason: self.fail(key, index, reason), missing
-        )
+        fields = self.columns[key]
+        values = _floats(fields)
+        for index in np.flatnonzero(~np.isfinite(values)).tolist():
+            if not (missing and not fields[index].strip()):
+                self.fail(key, index, self._reason(fields[index]))
+        return values
+
+    def _reason(self, field: str) -> str:
+        if not field.strip():
+            return "is empty, needs a number"
+        text = field if len(field) <= 40 else field[:40] + "..."
+        hint = f": {self.comma}" if "," in field else ""
+        return f"{text!r} is not a finite number{hint}"
 
     def nanoseconds(self, key: str, unit: str = "s") -> Array:
         """A column of times in ``unit`` as int64 nanoseconds (m,), rounded once."""
@@ -103,24 +114,15 @@ class Table:
         return np.fromiter(exact, np.int64, len(fields))
 
 
-def numbers(
-    fields: Sequence[str], fail: Callable[[int, str], NoReturn], missing: bool = False
-) -> Array:
-    """Fields as finite float64; empty ones are NaN if ``missing``; ``fail`` raises of any other.
-
-    Digits are those of ASCII, and nothing stands between them.
-    """
+def _floats(fields: Sequence[str]) -> Array:
+    """Fields as float64, NaN where they are no numbers: ASCII digits with nothing between them."""
     text = "".join(fields)
     try:
         if "_" in text or not text.isascii():
             raise ValueError
-        values = np.fromiter(map(float, fields), np.float64, len(fields))
+        return np.fromiter(map(float, fields), np.float64, len(fields))
     except ValueError:
-        values = np.fromiter(map(_number, fields), np.float64, len(fields))
-    for index in np.flatnonzero(~np.isfinite(values)).tolist():
-        if not (missing and not fields[index].strip()):
-            fail(index, _reason(fields[index]))
-    return values
+        return np.fromiter(map(_number, fields), np.float64, len(fields))
 
 
 def _number(field: str) -> float:
@@ -128,11 +130,3 @@ def _number(field: str) -> float:
         return math.nan if "_" in field or not field.isascii() else float(field)
     except ValueError:
         return math.nan
-
-
-def _reason(field: str) -> str:
-    text = field if len(field) <= 40 else field[:40] + "..."
-    if not field.strip():
-        return "is empty, needs a number"
-    hint = ": decimals are written with a point" if "," in field else ""
-    return f"{text!r} is not a finite number{hint}"

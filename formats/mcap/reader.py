@@ -23,8 +23,8 @@ Item = tuple["Section", Table, Message]
 class Section:
     """One record being read: what its messages brought so far, and the digests of it."""
 
-    def __init__(self, header: dict[str, Any], keep: bool, scans: bool) -> None:
-        self._keep = keep, keep and scans
+    def __init__(self, header: dict[str, Any], keep: bool) -> None:
+        self._keep = keep
         self.estimator = str(header["estimator"])
         self.small: dict[str, Leaf] = {p: _from_json(v) for p, v in header["leaves"].items()}
         types = {
@@ -45,7 +45,7 @@ class Section:
 
     def _take(self, path: str, part: Any) -> None:
         self._digests[path].update(part)
-        if self._keep[path.startswith("streams/")]:
+        if self._keep:
             self._parts[path].append(part)
 
     def feed(self, messages: Iterable[tuple[Table, Message]]) -> None:
@@ -97,10 +97,8 @@ class Pass:
     ``keep`` numbers the sections whose content is kept.
     """
 
-    def __init__(
-        self, source: IO[bytes], path: object, keep: Container[int], scans: bool = True
-    ) -> None:
-        self.path, self._keep, self._scans = path, keep, scans
+    def __init__(self, source: IO[bytes], path: object, keep: Container[int]) -> None:
+        self.path, self._keep = path, keep
         self.sections: list[Section] = []
         self.trailer: dict[str, str] = {}
         self.records = Records(source)
@@ -135,7 +133,7 @@ class Pass:
             if len(self.sections) == 2:
                 raise ValueError("more than two records in one file")
             keep = len(self.sections) in self._keep
-            self.sections.append(Section(value(record.data), keep, self._scans))
+            self.sections.append(Section(value(record.data), keep))
         elif isinstance(record, Metadata) and record.name == TRAILER:
             self.trailer = record.metadata
 

@@ -21,9 +21,7 @@ from .reader import Item, Pass, Section
 class Windows:
     """A record that is read in windows of time, or with ``recording`` that beside estimates.
 
-    ``head`` is the record without steps or scans, from a pipe also without its provenance. Where
-    ``scans`` are not wanted the streams stay empty, but they are read all the same: the file is one
-    stream, and verified whole.
+    ``head`` is the record without steps or scans, from a pipe also without its provenance.
     """
 
     unit = "B"
@@ -33,10 +31,9 @@ class Windows:
         source: Path | IO[bytes],
         path: object,
         recording: bool = False,
-        scans: bool = True,
         size: int | None = None,
     ) -> None:
-        self.path, self._scans, self._size = path, scans, size or windows.WINDOW
+        self.path, self._size = path, size or windows.WINDOW
         self.messages = 0
         self._own, self._name = int(recording), "recording" * recording
         self._owned = isinstance(source, Path)
@@ -47,7 +44,7 @@ class Windows:
             self.has_recording = "recording" in (self._known or {})
             if recording and not self.has_recording:
                 raise FormatError(path, "recording", "holds no recording beside estimates")
-            self._pass = Pass(self._file, path, self._kept(), scans)
+            self._pass = Pass(self._file, path, self._kept())
             self._items = self._begun(self._pass.messages())
             self.head = self._record(self._section)
             check(self.head, path)
@@ -123,13 +120,13 @@ class Windows:
     def __iter__(self) -> Iterator[Recording | Estimates]:
         """The windows in order; FormatError where damage shows, at the end at the latest."""
         checks, count, last = WindowChecks(self.path), 0, -1
-        for section, table, message in self._taken_in():
+        for section, _, message in self._taken_in():
             if section is not self._section:
                 continue
             if count >= self._size and message.log_time != last:
                 yield self._checked(checks)
                 count = 0
-            count += self._scans or not table.group.startswith("streams/")
+            count += 1
             last = message.log_time
         if self._known is not None and self._pass.provenance != self._known:
             raise FormatError(self.path, "summary", "does not fit the content")

@@ -18,6 +18,7 @@ import numpy as np
 from ...models.errors import FormatError
 from ...models.records import Scores
 from ...models.runs import Runs
+from ..foreign import hint
 from ..plain_json import json_object
 
 NAMES = ("recording", "estimator", "metric", "part")
@@ -108,7 +109,7 @@ def from_csv(text: Iterator[str], path: object) -> Scores:
 
     try:
         if next(reader, None) != list(COLUMNS):
-            fail(f"the header is not {','.join(COLUMNS)}")
+            fail(f"the header is not {','.join(COLUMNS)}{hint(path)}")
         for row in reader:
             if len(row) != len(COLUMNS):
                 fail(f"has {len(row)} fields, needs {len(COLUMNS)}")

@@ -14,9 +14,9 @@ import numpy as np
 
 from ...models import registry
 from ...models.errors import InputError, ParameterError
+from ...models.names import printable
 from ...models.parameters import suggestion
 from ...models.records import Meta, Scores
-from ..table import visible
 from .protocol import Inputs, Plot, Selection
 from .style import CM, style
 
@@ -127,7 +127,7 @@ def _with_visible_names(inputs: Inputs) -> Inputs:
     """The inputs with recordings whose names can be drawn."""
 
     def shown(meta: Meta) -> Meta:
-        return replace(meta, name=visible(meta.name))
+        return replace(meta, name=printable(meta.name))
 
     recordings = tuple(replace(r, meta=shown(r.meta)) for r in inputs.recordings)
     estimates = tuple(replace(e, meta=shown(e.meta)) for e in inputs.estimates)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import inf
 from typing import Any
 
@@ -113,7 +113,7 @@ def regions(recording: Recording, estimates: Iterable[Estimates]) -> dict[str, A
     scenario = Making.of(recording.meta.provenance).parameters
     for parameters in (*(e.making.parameters for e in estimates), scenario):
         known = parameters.get("regions")
-        if known:
+        if known and isinstance(known, Mapping | Sequence):
             named = known.items() if isinstance(known, Mapping) else enumerate(known, 1)
             return {f"region {n}" if isinstance(n, int) else n: c for n, c in _polygons(named)}
     return {}

@@ -249,3 +249,46 @@ def test_traceback_only_where_wanted(run, rec, monkeypatch):
     monkeypatch.setattr(formats, "summary", lambda *_: 1 / 0)
     check(run("info", rec), 1, "internal error: ZeroDivisionError")
     assert "Traceback" in run("info", rec, "-vv").err
+
+
+@pytest.mark.parametrize("words", [["--from", "labyrinth"], []])
+def test_an_output_must_be_named(run, rec, tmp_path, words):
+    check(run("convert", *words, rec, tmp_path / "x.h5"), 2, "Missing option '-o'")
+
+
+def test_hdf5_of_others_is_called_so(estimate, run, tmp_path):
+    import h5py
+
+    with h5py.File(tmp_path / "foreign.h5", "w") as file:
+        file["speed"] = [1.0, 2.0]
+    message = "foreign.h5: /: not a file of echoset: "
+    estimate(tmp_path / "foreign.h5", words=[message])
+    check(run("info", tmp_path / "foreign.h5"), 4, message)
+
+
+def test_files_of_others_get_a_command_that_reads_them(estimate, run, tmp_path):
+    log, folder = tmp_path / "my log.csv", tmp_path / "robot"
+    log.write_text("t,anchor,range\n0,A,1.5\n1,A,2.5\n")
+    folder.mkdir()
+    (folder / "Indoor_UWB_Input.txt").write_text("range2 0 1 0.01 0 0 a 0\n")
+    (tmp_path / "x.bag").write_bytes(b"#ROSBAG V2.0\n\x00\xff\x01" + bytes(range(256)))
+    propose = f"try echoset convert --from csv '{log}' --propose"
+    imported = f"try echoset convert --from labyrinth {folder} -o robot.h5"
+    for name, words in (
+        (log, propose),
+        (folder, imported),
+        (tmp_path / "x.bag", "see 'echoset list importers'"),
+    ):
+        estimate(name, words=[words])
+        check(run("info", name), 4, words)
+        check(run("convert", name, "-o", tmp_path / "out/x.h5"), 4, words)
+
+
+def test_a_proposal_goes_to_stdout(run, tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text("t,anchor,range\n0,A,1.5\n1,A,2.5\n")
+    result = run("convert", "--from", "csv", log, "--propose")
+    assert result.code == 0 and "  anchor: anchor\n" in result.out
+    check(run("convert", log, "--propose"), 2, "--propose is for one log and --from")
+    check(run("convert", "--from", "csv", log, "--propose", "-o", "x.h5"), 2, "--propose")
+    check(run("convert", "--from", "labyrinth", log, "--propose"), 2, "needs no mapping")

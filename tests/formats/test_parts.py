@@ -68,7 +68,7 @@ def test_estimates_and_the_recording_that_they_carry(recording, estimates, tmp_p
         assert parts.has_recording and parts.head.meta.provenance == estimates.meta.provenance
         assert len(parts.head.objects.time_ns) == 0
         assert digest(steps.concatenate(list(parts))) == digest(estimates)
-    with closing(formats.open_windows(path, recording=True, scans=False)) as parts:
+    with closing(formats.open_windows(path, recording=True)) as parts:
         truth = Objects.join([w.truth.objects for w in parts])
         assert all(len(s) == 0 for s in parts.head.streams.values())
         np.testing.assert_array_equal(truth.state, recording.truth.objects.state)

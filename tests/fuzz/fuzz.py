@@ -18,6 +18,7 @@ import time
 import traceback
 import zlib
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,24 +35,27 @@ MEMORY = 1 << 30
 BATCH = 4000
 """Inputs that one worker reads."""
 SOUND = ("refused", "accepted")
+Tell = Callable[[str, str], None]
+"""Takes how an input ended, and details."""
+Loop = Callable[[range, Path, Tell], None]
 
 
 @dataclass
 class Tally:
-    """How many inputs ended how, the first of each bad end, and the most memory [bytes]."""
+    """How many inputs ended how, all bad ends, and the most memory [bytes]."""
 
     count: Counter[str] = field(default_factory=Counter)
-    first: dict[str, str] = field(default_factory=dict)
+    all: dict[str, list[str]] = field(default_factory=dict)
     peak: int = 0
 
     def add(self, outcome: str, index: int, detail: str = "") -> None:
         self.count[outcome] += 1
         if outcome not in SOUND:
-            self.first.setdefault(outcome, f"input {index}: {detail}")
+            self.all.setdefault(outcome, []).append(f"input {index}: {detail}")
 
     def bad(self) -> dict[str, str]:
         """What must not happen, and did."""
-        return dict(self.first)
+        return {outcome: details[0] for outcome, details in self.all.items()}
 
     def __str__(self) -> str:
         ends = ", ".join(f"{n} {name}" for name, n in sorted(self.count.items()))
@@ -72,10 +76,20 @@ def make(name: str, seed: int, index: int) -> tuple[int, str, dict[str, bytes]]:
 
 def run(name: str, count: int, seed: int = 1, first: int = 0) -> Tally:
     """Feed ``count`` inputs to the reader ``name``."""
-    tally, target, index = Tally(), TARGETS[name], first
-    expected = _expected(target)
-    while index < first + count:
-        index = _worker(name, expected, seed, index, min(index + BATCH, first + count), tally)
+    expected = _expected(TARGETS[name])
+
+    def loop(indices: range, folder: Path, tell: Tell) -> None:
+        _limit()
+        _loop(name, expected, seed, indices, folder, tell)
+
+    return watched(loop, first, first + count, 2 * LONGEST)
+
+
+def watched(loop: Loop, first: int, stop: int, longest: float = 120.0) -> Tally:
+    """Have processes go through the inputs, each of which may take ``longest`` seconds."""
+    tally, index = Tally(), first
+    while index < stop:
+        index = _worker(loop, index, min(index + BATCH, stop), tally, longest)
     return tally
 
 
@@ -97,9 +111,7 @@ def _put(folder: Path, files: dict[str, bytes]) -> list[Path]:
     return paths
 
 
-def _worker(
-    name: str, expected: list[object], seed: int, start: int, stop: int, tally: Tally
-) -> int:
+def _worker(loop: Loop, start: int, stop: int, tally: Tally, longest: float) -> int:
     """Have inputs read by a process, until it is done or has to end; the next index."""
     read, write = os.pipe()
     with TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder:
@@ -108,8 +120,13 @@ def _worker(
             os.close(read)
             code = 1
             try:
-                _limit()
-                _loop(name, expected, seed, range(start, stop), Path(folder), write)
+                inherited = _resident()
+
+                def tell(outcome: str, detail: str) -> None:
+                    line = json.dumps([outcome, detail[:400], _resident() - inherited])
+                    os.write(write, (line + "\n").encode())
+
+                loop(range(start, stop), Path(folder), tell)
                 code = 0
             except BaseException:
                 traceback.print_exc()
@@ -119,7 +136,7 @@ def _worker(
         index, hung = start, False
         with os.fdopen(read, "rb") as pipe:
             while index < stop:
-                if not select.select([pipe], [], [], 2 * LONGEST)[0]:
+                if not select.select([pipe], [], [], longest)[0]:
                     hung = True
                     os.kill(pid, signal.SIGKILL)
                     break
@@ -151,7 +168,7 @@ def _resident() -> int:
 
 
 def _loop(
-    name: str, expected: list[object], seed: int, indices: range, folder: Path, pipe: int
+    name: str, expected: list[object], seed: int, indices: range, folder: Path, tell: Tell
 ) -> None:
     target, inherited = TARGETS[name], _resident()
     for index in indices:
@@ -164,7 +181,7 @@ def _loop(
             outcome, detail = "memory", f"{peak >> 20} MiB"
         elif time.monotonic() - start > LONGEST:
             outcome, detail = "hung", f"{time.monotonic() - start:.1f} s"
-        os.write(pipe, (json.dumps([outcome, detail[:400], peak]) + "\n").encode())
+        tell(outcome, detail)
 
 
 def _outcome(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import forge
 import pytest
 from fuzz import SOUND, Tally, _outcome, make, run
 from fuzz_targets import TARGETS, Target
 
-FEW, MANY = 60, 100_000
+FEW, MANY, FORGED = 60, 100_000, 40
 
 
 def assert_sound(tally: Tally, count: int) -> None:
@@ -68,3 +69,18 @@ def test_what_ends_a_worker_is_counted_and_the_rest_goes_on(monkeypatch, read, e
     started.extend([0] * -len(TARGETS["csv"].corpus()))
     tally = run("bad", 4)
     assert sum(tally.count.values()) == 4 and tally.count[end] >= 1, tally
+
+
+def assert_alike(tally: Tally, count: int) -> None:
+    assert not tally.bad(), tally.bad()
+    assert sum(tally.count[end] for end in SOUND) == count
+    assert min(tally.count[end] for end in SOUND) > count // 10
+
+
+def test_all_commands_say_the_same_of_forged_records():
+    assert_alike(forge.run(FORGED), FORGED)
+
+
+@pytest.mark.verification
+def test_all_commands_say_the_same_of_very_many_forged_records():
+    assert_alike(forge.run(20_000), 20_000)

@@ -186,7 +186,7 @@ def test_names_are_shown_escaped(form: str) -> None:
         assert shown in text
     if form == "csv":
         cells = [row[0] for row in csv.reader(io.StringIO(text)) if row]
-        assert "'=1+1" in cells and "'@x" in cells
+        assert "'=1+1" in cells and "@x" in cells
 
 
 def test_json_holds_names_as_they_are() -> None:

@@ -1,5 +1,7 @@
 """Regional statistics of the PHD filter against sampling of the posterior that they describe."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -40,13 +42,12 @@ def test_mean_and_variance_are_those_of_samples():
     params = resolve(phd.Params, *sensor_model(recording, phd.Params), ("test", births))
     state = phd.init()
     for scan in recording.scans():
-        state, is_new = phd.predict(state, params, scan.time_ns)
+        state, is_new, gone = phd.predict(state, params, scan.time_ns)
         seen = look(params, scan, False, recording.sensors["radar"])
-        posterior = phd.update(state.mixture, seen, params, is_new)
-        mixture = phd.reduce(posterior.mixture, params)
-        state = phd.State(
-            mixture, phd._born(posterior, seen, params), state.next_label, scan.time_ns
-        )
+        posterior = phd.update(state.mixture, [(seen, params)], params, is_new)
+        mixture, _ = phd.reduce(posterior.mixture, params, len(seen.z))
+        waiting, _ = phd.born(params, [seen], posterior.novelty, gone)
+        state = dataclasses.replace(state, mixture=mixture, waiting=waiting)
     x, y = posterior.mixture.m[posterior.mixture.w.argmax(), :2]
     across_a_target = {"target": (x - 1.0, x + 20.0, y - 3.0, y + 30.0)}
     regions = polygons({**REGIONS, **across_a_target})

@@ -13,12 +13,19 @@ import numpy as np
 from ....models.point_process import ball
 from ....models.records import Array
 from .posterior import (
+    ACCEPT,
+    ANYWHERE,
     BIRTH,
     DEATH,
+    EXTENTS,
     FLOOR,
     JUMP,
+    KIND,
+    PLACE,
     POSITION,
     RELOCATE,
+    SEED,
+    TARGET,
     Births,
     Scene,
     State,
@@ -57,14 +64,14 @@ def chain(
     for n, (u, g) in enumerate(zip(U, G, strict=True)):
         L = int(state.size[0])
         now = state.c[:L].copy(), state.e[:L].copy()
-        kind = int(np.searchsorted(moves, u[0], side="right"))
+        kind = int(np.searchsorted(moves, u[KIND], side="right"))
         proposal = propose(scene, now, intensity, births, kind, scale, u, g, len(state.c))
         before = log_posterior(scene, *now, intensity)
         tried[kind] += 1
         if proposal is not None:
             (c, e), log_ratio = proposal
             after = log_posterior(scene, c, e, intensity)
-            if np.log(u[2]) < after - before + log_ratio:
+            if np.log(u[ACCEPT]) < after - before + log_ratio:
                 state.size[0], before = len(c), after
                 state.c[: len(c)], state.e[: len(c)] = c, e
                 accepted[kind] += 1
@@ -91,7 +98,7 @@ def propose(
         return birth(scene, now, intensity, u, g) if room > L else None
     if L == 0:
         return None
-    l = min(int(u[1] * L), L - 1)
+    l = min(int(u[TARGET] * L), L - 1)
     if kind == DEATH:
         return death(scene, now, intensity, l)
     if kind == RELOCATE:
@@ -135,7 +142,7 @@ def extent_step(scene: Scene, c: Array, e: Array, scale: Array) -> Array:
 def birth(scene: Scene, now: Targets, intensity: Array, u: Array, g: Array) -> Proposal:
     """One target more; the way back is the death of one of L + 1."""
     c = draw(scene, now, intensity, u, g)
-    e = scene.e_lower + u[8:14] * (scene.e_upper - scene.e_lower)
+    e = scene.e_lower + u[EXTENTS : EXTENTS + 6] * (scene.e_upper - scene.e_lower)
     log_q = log_density(scene, now, intensity, c)
     there = np.vstack([now[0], c]), np.vstack([now[1], e])
     return there, -np.log(len(there[0])) - log_q
@@ -151,7 +158,7 @@ def relocate(scene: Scene, now: Targets, intensity: Array, l: int, u: Array, g: 
     """The death of one target and the birth of another."""
     others = np.delete(now[0], l, 0), np.delete(now[1], l, 0)
     c = draw(scene, others, intensity, u, g)
-    e = scene.e_lower + u[8:14] * (scene.e_upper - scene.e_lower)
+    e = scene.e_lower + u[EXTENTS : EXTENTS + 6] * (scene.e_upper - scene.e_lower)
     back, forth = (log_density(scene, others, intensity, x) for x in (now[0][l], c))
     return replaced(now, l, c, e), back - forth
 
@@ -176,10 +183,10 @@ def unexplained(scene: Scene, targets: Targets, intensity: Array) -> Array:
 
 def draw(scene: Scene, targets: Targets, intensity: Array, u: Array, g: Array) -> Array:
     """A centre (3,) near an unexplained detection, or anywhere."""
-    if u[4] < scene.uniform or not len(scene.weight):
-        return np.asarray(scene.lower + u[5:8] * (scene.upper - scene.lower))
+    if u[ANYWHERE] < scene.uniform or not len(scene.weight):
+        return np.asarray(scene.lower + u[PLACE : PLACE + 3] * (scene.upper - scene.lower))
     w = np.cumsum(unexplained(scene, targets, intensity))
-    m = min(int(np.searchsorted(w, u[3] * w[-1], side="right")), len(w) - 1)
+    m = min(int(np.searchsorted(w, u[SEED] * w[-1], side="right")), len(w) - 1)
     n = np.where(scene.upper > scene.lower, g[:3], 0.0)
     flat = np.where(scene.upper > scene.lower, scene.z[:, m], scene.lower)
     return np.asarray(flat + scene.spread * n)
@@ -209,15 +216,15 @@ def jump(
     """
     deaths = log_deaths(scene, now, intensity)
     total = np.logaddexp.reduce(deaths) if len(deaths) else -np.inf
-    if np.log(u[1]) < births.log_total - np.logaddexp(births.log_total, total):
+    if np.log(u[TARGET]) < births.log_total - np.logaddexp(births.log_total, total):
         if len(now[0]) == room:
             return None
         c = table_draw(scene, births, u, g)
-        e = scene.e_lower + u[8:14] * (scene.e_upper - scene.e_lower)
+        e = scene.e_lower + u[EXTENTS : EXTENTS + 6] * (scene.e_upper - scene.e_lower)
         there = np.vstack([now[0], c]), np.vstack([now[1], e])
         return there, table_ratio(scene, now, there, len(now[0]), intensity, births)
     weight = np.cumsum(np.exp(deaths - deaths.max()))
-    l = min(int(np.searchsorted(weight, u[3] * weight[-1], side="right")), len(deaths) - 1)
+    l = min(int(np.searchsorted(weight, u[SEED] * weight[-1], side="right")), len(deaths) - 1)
     there = without(now, l)
     return there, -table_ratio(scene, there, now, l, intensity, births)
 
@@ -251,11 +258,11 @@ def table_ratio(
 
 def table_draw(scene: Scene, births: Births, u: Array, g: Array) -> Array:
     """A centre (3,) in one of the table's balls, or anywhere."""
-    if u[4] < scene.uniform or not len(births.points):
-        return np.asarray(scene.lower + u[5:8] * (scene.upper - scene.lower))
+    if u[ANYWHERE] < scene.uniform or not len(births.points):
+        return np.asarray(scene.lower + u[PLACE : PLACE + 3] * (scene.upper - scene.lower))
     w = np.cumsum(births.weight)
-    j = min(int(np.searchsorted(w, u[5] * w[-1], side="right")), len(w) - 1)
+    j = min(int(np.searchsorted(w, u[PLACE] * w[-1], side="right")), len(w) - 1)
     open_ = scene.upper > scene.lower
     n = np.where(open_, g[:3], 0.0)
-    length = births.radius * u[6] ** (1 / open_.sum())
+    length = births.radius * u[PLACE + 1] ** (1 / open_.sum())
     return np.asarray(births.points[j] + length * n / np.linalg.norm(n))

@@ -41,6 +41,10 @@ NODES = 2000
 """Nodes, about, that tell how much of D is left for another target."""
 UNIFORMS, NORMALS = 14, 6
 """Random numbers that one move is given."""
+KIND, TARGET, ACCEPT, SEED, ANYWHERE, PLACE, EXTENTS = 0, 1, 2, 3, 4, 5, 8
+"""What the uniform ones decide: the kind; the target, or for a jump birth or death; acceptance; the
+detection that a birth is near, or for a jump who dies; whether it is anywhere; from PLACE on three
+for where, and from EXTENTS on six for the extent. The normal ones make steps."""
 
 
 class Scene(NamedTuple):

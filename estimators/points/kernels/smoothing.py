@@ -7,7 +7,7 @@ AIAA Journal 3 (1965) 1445-1450.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,12 +17,34 @@ from .bernoulli import Bernoullis
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Epoch:
-    """The Bernoullis after the scans at ``time_ns``, how they came there: F, noise Q (dx, dx)."""
+    """The Bernoullis after the scans at ``time_ns``, how they came there: F, noise Q (dx, dx).
+
+    ``label`` (T,) are the tracks then, and ``picked`` (T,) which Bernoulli each has in the best
+    hypothesis, -1 for none.
+    """
 
     time_ns: int
     local: Bernoullis
     F: Array
     Q: Array
+    label: Array = field(default_factory=lambda: np.zeros(0, np.int64))
+    picked: Array = field(default_factory=lambda: np.zeros(0, np.int64))
+
+
+def ended(epochs: Sequence[Epoch], alive: Array) -> dict[int, list[tuple[int, int]]]:
+    """Tracks that have ended since the first epoch: by their last epoch, labels and Bernoullis.
+
+    Only those that the best hypothesis had to the end: others were never there.
+    """
+    found: dict[int, list[tuple[int, int]]] = {}
+    known = set(alive.tolist())
+    for k in range(len(epochs) - 1, -1, -1):
+        for label, l in zip(epochs[k].label.tolist(), epochs[k].picked.tolist(), strict=True):
+            if label not in known:
+                known.add(label)
+                if l >= 0:
+                    found.setdefault(k, []).append((label, l))
+    return found
 
 
 def smooth(epochs: Sequence[Epoch], index: Array) -> tuple[Array, Array, Array, Array]:

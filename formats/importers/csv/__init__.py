@@ -1,5 +1,6 @@
-"""Logs of text, one row a range or a detection, read by a mapping that says what columns mean."""
+"""Logs of text, read by a mapping that says what their columns mean."""
 
-from .importer import SUMMARY, Params, read
+from .importer import GENERAL, SUMMARY, Params, read, recognises
+from .propose import propose
 
-__all__ = ["SUMMARY", "Params", "read"]
+__all__ = ["GENERAL", "SUMMARY", "Params", "propose", "read", "recognises"]

@@ -7,62 +7,19 @@ The mapping says what the columns of a log mean. ``kind`` and ``columns`` are ne
     columns: {time: t, anchor: id, distance: {column: range, unit: cm}}
     anchors: {A1: [0, 0], A2: [4.2, 0], A3: [4.2, 3.1]}
 
-**Columns.** ``columns`` maps quantities to columns of the log. A column is given by its name in
-the header or by its number from 1, in SI units; as ``{column: NAME, unit: UNIT, scale: FACTOR}``;
-or as ``{value: NUMBER}``, the same for all rows. Units: ``m cm mm km ft in``, ``s ms us ns``,
-``rad deg``, ``m/s km/h ft/s``, and ``dB`` for power and amplitude. ``scale`` multiplies: -1 turns
-a Doppler that is positive when approaching into ours.
-
-===============  =========================  ======================================================
-kind             needed                     also
-===============  =========================  ======================================================
-uwb              time distance,             amplitude std device
-                 and anchor, or tx and rx
-position         time x y                   z doppler power amplitude time_offset scan sensor
-range_bearing    time range azimuth         elevation doppler power amplitude std_range std_azimuth
-                                            time_offset scan sensor
-===============  =========================  ======================================================
-
-*UWB*: ``anchor`` (and ``device``, by default one called ``device``) are active links. ``tx`` and
-``rx`` are links of any mode: from an anchor they are passive, from one of ``devices`` active. Rows
-of equal time and link are one event. *Radar*: rows of one sensor with equal time are one scan, or,
-with a column ``scan``, those with an equal scan id, which stand together; the scan then has its
-earliest time and the rows a time offset. ``azimuth`` turns from the sensor's x to its y axis.
-A row whose measurement (``distance``, ``x y z`` or ``range azimuth``) is empty is an event or scan
-without a detection. Rows in any order are sorted stably by time.
-
-**Other keys**
-
-``delimiter``, ``comment``, ``header`` : ``","``, ``"#"``, ``true``; a delimiter ``" "`` is any run
-    of blanks.
-``epoch`` : what times count from, ISO 8601; ``1970-01-01T00:00:00Z``.
-``frame`` : directions of the log's x, y (and z) for anchors, poses and truth, of ``east west north
-    south up down forward back left right``; default ``[east, north, up]``. ``[north, east, down]``
-    swaps x and y and reverses z.
-``sensor_frame`` : the same for what a radar measures; default as ``frame``.
-``anchors`` : ``{id: POSE}``, or ``{file: F.csv, columns: {id: .., x: .., y: .., z: ..}}``.
-``devices`` : ``{id: label}`` of the truth object that carries each, -1 for none. The only device
-    of a log whose truth has ``device_x device_y`` has label 0.
-``sensors`` : ``{id: POSE}`` of the radars; default ``{radar: [0, 0]}``. Several need the column
-    ``sensor``.
-``scans`` : ``{file: F.csv, columns: ..}``, all scans or events, so that those without a row in the
-    log are known as empty: ``time`` and the same columns for sensor or nodes. Not with ``scan``.
-``truth`` : ``{file: F.csv, columns: ..}`` with ``time`` and some of ``x y``, ``z``, ``vx vy``,
-    ``vz``, ``device_x device_y``, and ``label``, an integer, default 0.
-``model`` : what estimators take as parameters: ``{sigma: 0.1, mean_clutter: 0.5}``.
-
-A POSE is ``[x, y]``, ``[x, y, z]`` or ``{position: [..], yaw: ..}`` for a sensor at rest, else
-``{file: F.csv, columns: ..}`` with ``time x y``, ``z`` and ``yaw`` or ``qx qy qz qw``. Its numbers
-are in SI or text such as ``30 deg``; ``yaw`` turns from the frame's x to its y axis. Other files
-are written as the log is, unless they say ``delimiter``, ``comment`` or ``header``; they lie beside
-the mapping.
+All keys stand in docs/recordings.md. The modules, in the order of the work: ``mapping`` reads the
+YAML and the further files that it names; ``columns`` says what may be said of a column, ``table``
+takes the rows of a log and ``skip`` leaves some out; ``times`` and ``units`` turn text into
+nanoseconds and SI; ``poses``, ``uwb``, ``radar`` and ``truth`` make sensors, streams and the truth.
 """
 
 from __future__ import annotations
 
+import logging
+import re
 from collections import abc
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -70,19 +27,20 @@ import numpy as np
 
 from ....models.checks import NAME, check
 from ....models.errors import InputError, ParameterError
-from ....models.parameters import parameter, require
-from ....models.records import Array, Meta, Objects, Recording, Truth
-from ..text import read_text
-from .mapping import MEASUREMENT, OPTIONAL, Mapping, Tables, load
+from ....models.parameters import parameter, require, suggestion
+from ....models.records import Meta, Recording, Sensor, Stream
+from ....models.registry import parameters
+from . import columns, truth
+from .align import align
+from .log import Log
+from .mapping import MATLAB, MEASUREMENT, OPTIONAL, UNUSED, Mapping, Tables, load
 from .radar import radar
-from .table import fields, read_table
-from .units import axes, turn
+from .times import epoch_ns
+from .units import axes
 from .uwb import uwb
 
+_log = logging.getLogger(__name__)
 SUMMARY = "delimited text logs of UWB ranges or radar points, described by a YAML mapping"
-
-_TRUTH = {"x": "m", "y": "m", "z": "m", "vx": "m s-1", "vy": "m s-1", "vz": "m s-1"}
-_TRUTH |= {"device_x": "m", "device_y": "m"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +55,7 @@ class Params:
 
 
 def read(paths: Sequence[Path], params: Params) -> Recording:
-    """The recording in one log.
+    """The recording in one log and the further files of its mapping.
 
     Raises
     ------
@@ -107,62 +65,157 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     if len(paths) != 1:
         raise InputError("csv reads one log: name its further files in the mapping")
     content, folder = load(params.mapping)
-    mapping = Mapping.of(content, params.mapping if folder else "")
-    found = fields(
-        mapping.columns,
-        ("time", *MEASUREMENT[mapping.kind]),
-        OPTIONAL[mapping.kind],
-        "mapping: columns",
-    )
-    file = read_text(paths[0])
-    table = read_table(file, mapping, found)
-    tables = Tables(paths[0].parent if folder is None else folder, mapping, [file])
+    parts = _parts(content, params.mapping if folder else "")
+    mapping = next(iter(parts.values()))
+    folder = paths[0].parent if folder is None else folder
+    tables = Tables(folder, mapping, epoch_ns(mapping.epoch))
+    logs = {
+        name: _rows(name, part, paths[0], tables, len(parts) > 1) for name, part in parts.items()
+    }
     F = axes(mapping.frame, "frame")
-    truth = None if mapping.truth is None else _truth(mapping.truth, F, tables)
-    build = uwb if mapping.kind == "uwb" else radar
-    sensors, streams = build(mapping, table, F, tables, truth)
-    for name in sensors:
-        require(
-            bool(NAME.fullmatch(name)), "the name of a sensor", "made of A-Z a-z 0-9 _ . + -", name
-        )
+    true = None if mapping.truth is None else truth.read(mapping.truth, F, tables)
+    carried = true is not None and "device_x" in true.objects.state_names
+    sensors: dict[str, Sensor] = {}
+    streams: dict[str, Stream] = {}
+    for name, part in parts.items():
+        _check_model(part.model, paths[0])
+        build = uwb if part.kind == "uwb" else radar
+        own = replace(tables, dialect=part)
+        nodes, found = build(part, logs[name], F, own, carried, name)
+        for node, sensor in nodes.items():
+            if node in sensors and not _same(sensor, sensors[node]):
+                raise ParameterError(f"streams.{name}: {node!r} is elsewhere in another stream")
+            sensors.setdefault(node, sensor)
+        for stream in found:
+            if stream in streams:
+                raise ParameterError(f"streams.{name}: a second stream {stream!r}")
+        streams |= found
+    aligned: dict[str, Any] = {}
+    if true is not None and mapping.truth.get("align"):
+        uwb_streams = [stream for stream in streams.values() if stream.kind == "uwb"]
+        if len(uwb_streams) != 1:
+            raise InputError("truth: align needs one stream of ranges")
+        true, aligned = align(true, uwb_streams[0], sensors, mapping.truth["align"])
+        _log.warning("%s: the truth was fitted to the ranges: %s", paths[0], _fitted(aligned))
+    sensors, streams = _named(sensors, streams)
     provenance = {
         "importer": "csv",
-        "files": [file.provenance for file in tables.files],
+        "files": [file.provenance for file in tables.files.values()],
         "parameters": {"mapping": content},
     }
+    if tables.skipped:
+        provenance["left_out"] = tables.skipped
+    if aligned:
+        provenance["truth_aligned"] = aligned
     meta = Meta(paths[0].stem, mapping.epoch, provenance=provenance)
-    recording = Recording(meta, sensors, streams, truth)
+    recording = Recording(meta, sensors, streams, true)
     check(recording, paths[0])
     return recording
 
 
-def _truth(spec: object, F: Array, tables: Tables) -> Truth:
-    table = tables.read(spec, ("time",), (*_TRUTH, "label"), "truth")
-    names = [name for name in _TRUTH if name in table]
-    columns = {name: table.values(name) for name in names}
-    for x, y in (("x", "y"), ("vx", "vy"), ("device_x", "device_y")):
-        if (x in columns) != (y in columns):
-            raise ParameterError(f"truth: columns need both {x} and {y}, or neither")
-        if x in columns:
-            columns[x], columns[y] = turn(F, columns[x], columns[y])
-    for z in ("z", "vz"):
-        if z in columns:
-            columns[z] = F[2, 2] * columns[z]
-    if not names:
-        raise ParameterError(f"truth: columns need some of {' '.join(_TRUTH)}")
-    time = table.time()
-    label = np.zeros(len(table))
-    if "label" in table:
-        label = table.values("label")
-        table.refuse("label", (label != np.rint(label)) | (np.abs(label) > 2**53), "is no integer")
-    order = np.lexsort((label, time))
-    times, first = np.unique(time[order], return_index=True)
-    objects = Objects(
-        times,
-        np.append(first, len(time)).astype(np.int64),
-        label[order].astype(np.int64),
-        tuple(names),
-        tuple(_TRUTH[name] for name in names),
-        np.column_stack([columns[name] for name in names])[order],
+GENERAL = True
+"""Other importers come first, where a file may be for them."""
+
+
+def recognises(path: Path, head: bytes) -> bool:
+    """Whether a file, from its first bytes, is a table of text or of MATLAB."""
+    if path.suffix == MATLAB:
+        return True
+    try:
+        text = head.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        text = head[: error.start].decode("utf-8-sig") if error.start > len(head) - 4 else ""
+    return "".join(text.split()).isprintable() and any(d in text for d in ",;\t| ")
+
+
+def _parts(content: dict[str, Any], source: object) -> dict[str, Mapping]:
+    """The mapping of each stream by its name: the common part and what it says of its own."""
+    spec = content.get("streams", {})
+    if not spec:
+        mapping = Mapping.of(content, source)
+        return {"uwb" if mapping.kind == "uwb" else "radar": mapping}
+    ok = isinstance(spec, abc.Mapping) and all(isinstance(v, abc.Mapping) for v in spec.values())
+    require(ok, "streams", "a mapping of names to what each stream is", spec)
+    common = {key: value for key, value in content.items() if key != "streams"}
+    parts = {}
+    for name, own in spec.items():
+        for key in ("epoch", "frame", "truth", "streams"):
+            if key in own:
+                raise ParameterError(f"streams.{name}: {key!r} is common to all streams")
+        kind = str(own.get("kind", common.get("kind", "")))
+        merged = {k: v for k, v in common.items() if k not in UNUSED.get(kind, ())} | dict(own)
+        if kind != "uwb":
+            merged.setdefault("sensors", {name: [0.0, 0.0]})
+        try:
+            parts[name] = Mapping.of(merged)
+        except ParameterError as error:
+            place = f"{source}: " if source else ""
+            raise ParameterError(f"{place}streams.{name}: {error}") from None
+    return parts
+
+
+def _rows(name: str, mapping: Mapping, path: Path, tables: Tables, several: bool) -> Log:
+    """The rows of one stream: of the log itself and what continues it, or of files of its own."""
+    where = f"streams.{name}.columns" if several else "mapping: columns"
+    needed = ("time", *MEASUREMENT[mapping.kind])
+    found = columns.fields(mapping.columns, needed, OPTIONAL[mapping.kind], where)
+    more = (
+        mapping.file if isinstance(mapping.file, list) else [mapping.file] if mapping.file else []
     )
-    return Truth(objects)
+    ok = all(isinstance(file, str) and file for file in more)
+    require(ok, "file", "the name of a file, or a list of them", mapping.file)
+    own = [tables.folder / file for file in more]
+    files = [tables.file(file) for file in (own if several and own else [path, *own])]
+    return tables.table(files, mapping, found, where)
+
+
+def _fitted(found: dict[str, Any]) -> str:
+    x, y = found["translation"]
+    return (
+        f"turned by {np.degrees(found['rotation']):.2f} degrees, shifted by ({x:.3f}, {y:.3f}) m "
+        f"and {found['delay']:.3f} s, {found['fitted']} numbers from {found['ranges']} ranges"
+    )
+
+
+def _check_model(model: abc.Mapping[str, Any], path: Path) -> None:
+    """Warn of each name in a sensor model that nothing takes, with the nearest that something does.
+
+    The recording keeps it: an estimator to come may know it.
+    """
+    known = parameters("echoset.estimators", "echoset.metrics") if model else ()
+    for name in model:
+        if name not in known:
+            hint = suggestion(name, known)
+            _log.warning("%s: model: no estimator or metric takes %r%s", path, name, hint)
+
+
+def _same(a: Sensor, b: Sensor) -> bool:
+    pairs = ((a.time_ns, b.time_ns), (a.position, b.position), (a.quaternion, b.quaternion))
+    return a.kind == b.kind and a.object == b.object and all(np.array_equal(*p) for p in pairs)
+
+
+def _named(
+    sensors: dict[str, Sensor], streams: dict[str, Stream]
+) -> tuple[dict[str, Sensor], dict[str, Stream]]:
+    """Sensors and streams by legal names: marks such as colons become ``_``."""
+    names: dict[str, str] = {}
+    for name in (*sensors, *streams):
+        legal = re.sub(r"[^A-Za-z0-9_.+\-\s]", "_", name)
+        legal = re.sub(r"^[.+-]", "_", legal)
+        rule = "made of letters, digits and marks, without blanks"
+        require(bool(NAME.fullmatch(legal)), "the name of a sensor", rule, name)
+        names[name] = legal
+    for group in (sensors, streams):
+        taken: dict[str, str] = {}
+        for name in group:
+            other = taken.setdefault(names[name], name)
+            if other != name:
+                reason = f"{other!r} and {name!r} are both called {names[name]!r}: 'rename' one"
+                raise ParameterError(reason)
+    return (
+        {names[name]: sensor for name, sensor in sensors.items()},
+        {
+            names[name]: replace(stream, nodes=tuple(names[node] for node in stream.nodes))
+            for name, stream in streams.items()
+        },
+    )

@@ -5,16 +5,20 @@ from __future__ import annotations
 import math
 from collections import abc
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from datetime import datetime
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ....models.errors import FormatError, ParameterError
 from ....models.parameters import require, resolve, suggestion
 from ....models.plain_yaml import parse
+from ..matlab import read_mat
 from ..text import TextFile, read_text
-from .table import Dialect, Log, fields, read_table
+from . import columns
+from .log import Log
+from .reading import Dialect, Reading
+from .table import read_table
+from .times import epoch_ns
 
 MEASUREMENT = {"uwb": ("distance",), "position": ("x", "y"), "range_bearing": ("range", "azimuth")}
 _RADAR = ("doppler", "power", "amplitude", "time_offset", "scan", "sensor")
@@ -28,6 +32,8 @@ UNUSED = {
     "position": ("anchors", "devices"),
     "range_bearing": ("anchors", "devices"),
 }
+MATLAB = ".mat"
+R = TypeVar("R", bound=Reading)
 
 
 def load(source: object) -> tuple[dict[str, Any], Path | None]:
@@ -64,11 +70,10 @@ def _plain(value: Any, where: str) -> Any:
 
 
 @dataclass(frozen=True, slots=True)
-class Mapping(Dialect):
+class Mapping(Reading):
     """A mapping; its keys are explained in :mod:`echoset.formats.importers.csv.importer`."""
 
     kind: str = ""
-    columns: Any = None
     epoch: str = "1970-01-01T00:00:00Z"
     frame: tuple[str, ...] = ("east", "north", "up")
     sensor_frame: tuple[str, ...] = ()
@@ -76,11 +81,12 @@ class Mapping(Dialect):
     devices: Any = field(default_factory=dict)
     sensors: Any = field(default_factory=lambda: {"radar": [0.0, 0.0]})
     scans: Any = None
+    streams: Any = field(default_factory=dict)
     truth: Any = None
     model: Any = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        Dialect.__post_init__(self)
+        Reading.__post_init__(self)
         hint = suggestion(self.kind, MEASUREMENT)
         require(
             self.kind in MEASUREMENT, "kind", f"one of {' '.join(MEASUREMENT)}{hint}", self.kind
@@ -88,10 +94,10 @@ class Mapping(Dialect):
         for key in ("anchors", "devices", "sensors", "model"):
             value = getattr(self, key)
             require(isinstance(value, abc.Mapping), key, "a mapping", value)
-        try:
-            datetime.fromisoformat(self.epoch)
-        except ValueError:
-            require(False, "epoch", "a time in ISO 8601", self.epoch)
+        for name, label in self.devices.items():
+            ok = isinstance(label, int) and not isinstance(label, bool) and label >= -1
+            require(ok, f"devices.{name}", "the label of an object, or -1", label)
+        epoch_ns(self.epoch)
 
     @staticmethod
     def of(content: abc.Mapping[str, Any], source: object = "") -> Mapping:
@@ -108,35 +114,64 @@ class Mapping(Dialect):
 
 
 @dataclass(frozen=True, slots=True)
-class _Reference(Dialect):
-    """A further table: its file and the meaning of its columns."""
-
-    file: str = ""
-    columns: Any = None
-
-
-@dataclass(frozen=True, slots=True)
 class Tables:
     """Reads the tables of a mapping, written in ``dialect`` unless they say otherwise.
 
-    ``files`` collects those that were read, for the provenance.
+    ``files`` collects those that were read, for the provenance, and ``skipped`` by the part of the
+    mapping how many rows were left out, and why.
     """
 
     folder: Path
     dialect: Dialect
-    files: list[TextFile]
+    epoch: int
+    files: dict[Path, TextFile] = field(default_factory=dict)
+    skipped: dict[str, dict[str, int]] = field(default_factory=dict)
 
     def read(
         self, spec: object, required: Sequence[str], optional: Sequence[str], where: str
     ) -> Log:
         """The table that the part ``where`` of the mapping describes."""
+        return self.log(self.reading(spec, Reading, where), required, optional, where)
+
+    def reading(self, spec: object, kind: type[R], where: str) -> R:
+        """How to read the table that the part ``where`` of the mapping describes."""
         if not isinstance(spec, abc.Mapping):
             raise ParameterError(f"{where} must have file and columns, got {spec!r}")
-        parent = {k: getattr(self.dialect, k) for k in Dialect.__dataclass_fields__}
-        reference = resolve(_Reference, ("mapping", parent), (where, spec))
-        if not reference.file:
+        parent = {f.name: getattr(self.dialect, f.name) for f in fields(Dialect)}
+        found = resolve(kind, ("mapping", parent), (where, spec))
+        if not found.file:
             raise ParameterError(f"{where}: 'file' is missing")
-        found = fields(reference.columns, required, optional, f"{where}.columns")
-        file = read_text(self.folder / reference.file)
-        self.files.append(file)
-        return read_table(file, reference, found)
+        return found
+
+    def log(
+        self, reading: Reading, required: Sequence[str], optional: Sequence[str], where: str
+    ) -> Log:
+        """The table that is read so, from one file or from several that are written alike."""
+        names = reading.file if isinstance(reading.file, list) else [reading.file]
+        ok = bool(names) and all(isinstance(name, str) and name for name in names)
+        require(ok, f"{where}: file", "the name of a file, or a list of them", reading.file)
+        found = columns.fields(reading.columns, required, optional, f"{where}.columns")
+        files = [self.file(self.folder / name) for name in names]
+        return self.table(files, reading, found, f"{where}.columns")
+
+    def file(self, path: Path) -> TextFile:
+        """The text file at ``path``, read once."""
+        if path not in self.files:
+            self.files[path] = read_mat(path) if path.suffix == MATLAB else read_text(path)
+        return self.files[path]
+
+    def table(
+        self,
+        files: Sequence[TextFile],
+        reading: Reading,
+        found: abc.Mapping[str, columns.Field | columns.TimeField],
+        where: str,
+    ) -> Log:
+        """The columns of files; what was left out of them is noted."""
+        if all(file.path.suffix == MATLAB for file in files):
+            reading = replace(reading, delimiter=",", decimal=".", header=False)
+        log = read_table(files, reading, found, where, self.epoch)
+        if any(log.skipped.values()):
+            part = where.removeprefix("mapping: ").removesuffix("columns").strip(".") or "log"
+            self.skipped[part.removeprefix("streams.")] = dict(log.skipped)
+        return log

@@ -10,8 +10,8 @@ import numpy as np
 from ....models.errors import ParameterError
 from ....models.parameters import require, suggestion
 from ....models.records import Array, Sensor
+from .log import Log
 from .mapping import Tables
-from .table import Log
 from .units import quantity, turn
 
 _QUATERNION = ("qx", "qy", "qz", "qw")
@@ -21,7 +21,8 @@ def sensor(spec: Any, kind: str, F: Array, S: Array, tables: Tables, where: str)
     """The sensor at the pose ``spec``.
 
     ``F`` (3, 3) leads from the log's frame to the map, ``S`` from what the log calls the sensor's
-    axes to those of a recording (see :func:`echoset.formats.importers.csv.units.axes`).
+    axes to those of a recording (see :func:`echoset.formats.importers.csv.units.axes`). A pose
+    that tells a yaw or nothing is level, whichever way the axes call up.
     """
     if isinstance(spec, Mapping) and "file" in spec:
         optional = ("z", "yaw", *_QUATERNION)
@@ -38,7 +39,7 @@ def sensor(spec: Any, kind: str, F: Array, S: Array, tables: Tables, where: str)
     require(ok, where, "a position [x, y] or [x, y, z]", spec)
     values = [quantity(v, axis, where) for v, axis in zip(spec, "xyz", strict=False)]
     p = _position(F, *(np.array([v]) for v in values))
-    return Sensor(kind, np.zeros(1, np.int64), p, _turned(_about_z(yaw), F, S))
+    return Sensor(kind, np.zeros(1, np.int64), p, _level(yaw, F, S))
 
 
 def anchors(spec: Mapping[str, Any], F: Array, tables: Tables) -> dict[str, Sensor]:
@@ -70,10 +71,10 @@ def _moving(table: Log, kind: str, F: Array, S: Array) -> Sensor:
         q = np.column_stack([table.values(key) for key in _QUATERNION])
         norm = np.linalg.norm(q, axis=1)
         table.refuse("qw", np.abs(norm - 1) > 1e-3, "belongs to a quaternion of norm other than 1")
-        q = q / norm[:, None]
+        q = _turned(q / norm[:, None], F, S)
     else:
-        q = _about_z(table.values("yaw") if "yaw" in table else np.zeros(len(time)))
-    return Sensor(kind, time[order], p[order], _turned(q, F, S)[order])
+        q = _level(table.values("yaw") if "yaw" in table else np.zeros(len(time)), F, S)
+    return Sensor(kind, time[order], p[order], q[order])
 
 
 def _position(F: Array, x: Array, y: Array, z: Array | None = None) -> Array:
@@ -84,6 +85,19 @@ def _position(F: Array, x: Array, y: Array, z: Array | None = None) -> Array:
 def _about_z(yaw: Array) -> Array:
     zero = np.zeros_like(yaw)
     return np.column_stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)])
+
+
+def _level(yaw: Array, F: Array, S: Array) -> Array:
+    """Quaternions (k, 4) of level sensors whose x axis lies at ``yaw`` (k,) in the log's frame."""
+    sense = np.linalg.det(F[:2, :2]) * np.linalg.det(S[:2, :2])
+    if sense < 0 and (np.linalg.det(F) < 0 or np.linalg.det(S) < 0):
+        raise ParameterError(
+            "frame and sensor_frame: one is right-handed, the other is not; give both up or down"
+        )
+    if sense > 0 and F[2, 2] == S[2, 2]:
+        return _turned(_about_z(yaw), F, S)
+    ahead = F[:2, :2] @ np.array([np.cos(yaw), np.sin(yaw)])
+    return _about_z(np.arctan2(ahead[1], ahead[0]) - np.arctan2(S[1, 0], S[0, 0]))
 
 
 def _turned(q: Array, F: Array, S: Array) -> Array:

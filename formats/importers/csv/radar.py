@@ -7,18 +7,20 @@ from dataclasses import replace
 import numpy as np
 
 from ....models.errors import ParameterError
-from ....models.records import Array, Sensor, Stream, Truth
+from ....models.records import Array, Sensor, Stream
 from ..rows import pad, to_stream
+from .log import Log
 from .mapping import MEASUREMENT, Mapping, Tables
 from .poses import sensor
-from .table import Log
 from .units import axes, turn
 
 Built = tuple[dict[str, Sensor], dict[str, Stream]]
 
 
-def radar(mapping: Mapping, table: Log, F: Array, tables: Tables, truth: Truth | None) -> Built:
-    """The radars and their streams of the points in ``table``."""
+def radar(
+    mapping: Mapping, table: Log, F: Array, tables: Tables, carried: bool, name: str
+) -> Built:
+    """The radars and their streams of the points in ``table``; a stream is called as its radar."""
     S = axes(mapping.sensor_frame, "sensor_frame") if mapping.sensor_frame else F
     sensors = {
         str(name): sensor(pose, "radar", F, S, tables, f"sensors.{name}")
@@ -37,6 +39,7 @@ def radar(mapping: Mapping, table: Log, F: Array, tables: Tables, truth: Truth |
         [p.index("sensor", names) if "sensor" in p else np.zeros(len(p), np.int32) for p in parts]
     )
     time = np.concatenate([part.time() for part in parts])
+    table.check_shared(time[: len(table)])
     main = [key for key in (*MEASUREMENT[mapping.kind], "z") if key in table]
     others = [key for key in table.fields if key not in (*main, "time", "scan", "sensor")]
     rows, detected = pad(*table.detections(main, others), len(time) - len(table))

@@ -6,17 +6,20 @@ import numpy as np
 
 from ....models.columns import ACTIVE, PASSIVE
 from ....models.errors import ParameterError
-from ....models.records import Array, Sensor, Stream, Truth
+from ....models.records import Array, Sensor, Stream
 from ..rows import pad, to_stream
+from .log import Log
 from .mapping import Mapping, Tables
 from .poses import anchors
-from .table import Log
 
 Built = tuple[dict[str, Sensor], dict[str, Stream]]
 
 
-def uwb(mapping: Mapping, table: Log, F: Array, tables: Tables, truth: Truth | None) -> Built:
-    """The nodes and the stream of the link events in ``table``."""
+def uwb(mapping: Mapping, table: Log, F: Array, tables: Tables, carried: bool, name: str) -> Built:
+    """The nodes and the stream ``name`` of the link events in ``table``.
+
+    The only device of a log is ``carried`` by the true object 0, if the truth tells devices.
+    """
     fixed = anchors(mapping.anchors, F, tables)
     if not fixed:
         raise ParameterError("mapping: anchors are missing")
@@ -30,23 +33,24 @@ def uwb(mapping: Mapping, table: Log, F: Array, tables: Tables, truth: Truth | N
             devices |= {d: -1 for d in sorted(set(part.columns["device"])) if d not in devices}
         elif "anchor" in part and not devices:
             devices["device"] = -1
-    carried = truth is not None and "device_x" in truth.objects.state_names
     if carried and len(devices) == 1 and not mapping.devices:
         devices = dict.fromkeys(devices, 0)
-    for name in devices:
-        if name in fixed:
-            raise ParameterError(f"mapping: {name!r} is an anchor and a device")
+    for node in devices:
+        if node in fixed:
+            reason = f"{node!r} is an anchor and a device: tell them apart by 'rename', such as"
+            raise ParameterError(f"mapping: {reason} rename: {{device: {{{node}: tag}}}}")
     sensors = {name: Sensor.device(label) for name, label in devices.items()} | fixed
     nodes = tuple(sensors)
     ends = [_ends(part, nodes, len(devices)) for part in parts]
     tx, rx = (np.concatenate(column) for column in zip(*ends, strict=True))
     others = [key for key in ("amplitude", "std") if key in table]
     rows, detected = pad(*table.detections(["distance"], others), len(tx) - len(table))
+    table.check_shared(table.time())
     mode = np.where(tx < len(devices), ACTIVE, PASSIVE).astype(np.uint8)
     time = np.concatenate([part.time() for part in parts])
     keys = {"mode": mode, "rx": rx, "tx": tx}
     stream = to_stream("uwb", nodes, mapping.model, time, keys, rows, detected)
-    return sensors, {"uwb": stream}
+    return sensors, {name: stream}
 
 
 def _ends(table: Log, nodes: tuple[str, ...], n_devices: int) -> tuple[Array, Array]:

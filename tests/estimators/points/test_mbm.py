@@ -310,6 +310,21 @@ def test_smoothing_shows_tracks_from_their_first_detection_and_through_gaps(make
     assert counts[0][0] == 0 and 0 in counts[0][9:12]
 
 
+@pytest.mark.parametrize("lag", [0.0, 3.0, 8.0])
+def test_targets_that_end_within_the_lag_are_shown_as_long_as_they_were(make_recording, lag):
+    """Detected to the tenth scan, gone for good after it; a second one stays."""
+    rng = np.random.default_rng(7)
+    paths = [line((20, 20), (2, 1), 24, rng), line((20, 80), (2, 0), 24, rng)]
+    scans = [[p[k] for j, p in enumerate(paths) if j or k < 10] for k in range(24)]
+    steps = run(make_recording(scans), birth="detections", poisson=True, lag=lag,
+        birth_rate=0.01, clutter_rate=0.1, p_survive=0.95)  # fmt: skip
+    counts = [len(s.objects.label) for s in steps]
+    assert counts[2:10] == [2] * 8 and counts[14:] == [1] * 10
+    for k in range(2, 10):
+        x = steps[k].objects.state[:, :2]
+        assert np.hypot(*(x - paths[0][k]).T).min() < 3
+
+
 def test_targets_are_shown_before_their_first_detection_if_wanted(make_recording):
     rng = np.random.default_rng(11)
     path = line((20, 20), (2, 1), 14, rng, std=0.1)

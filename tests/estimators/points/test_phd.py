@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from echoset.estimators.points import phd
-from echoset.estimators.points.sensing import look
+from echoset.estimators.points.sensing import expected, look
 from echoset.estimators.points.streams import resolved
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
@@ -177,7 +177,7 @@ def test_extended_moments_are_the_unscented_ones_far_away(make_recording):
     params = phd.Params(**{**BASE, **model})
     seen = look(params, next(recording.scans()), True, recording.sensors["radar"])
     m, P = np.array([[80.0, 40.0, 1.0, 2.0]]), 1e-4 * (np.eye(4) + 0.3)[None]
-    for a, b in zip(phd.expected(seen, m, P, False), phd.expected(seen, m, P, True), strict=True):
+    for a, b in zip(expected(seen, m, P, False), expected(seen, m, P, True), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-8)
 
 

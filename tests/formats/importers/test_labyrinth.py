@@ -82,6 +82,7 @@ BROKEN = {
     "line 3: a second range of this": "range2 1 2 1 0 0 a 0\n\nrange2 1 3 1 0 0 a 0",
     "line 1: 'a/b' cannot name an anchor": "range2 1 2 1 0 0 a/b 0",
     "line 1: 'device' cannot name an anchor": "range2 1 2 1 0 0 device 0",
+    "line 3: the clock goes back": "\n".join(f"range2 {t} 2 1 0 0 a 0" for t in (1, 2, 0, 0.5, 3)),
     "line 1: the file is empty": " \n",
     "line 1: is longer than": "range2 " + "1" * 100_000,
     "line 2: is not UTF-8 text": b"range2 1 2 1 0 0 a 0\n\xff\xfe",

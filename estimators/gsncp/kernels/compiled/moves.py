@@ -7,15 +7,56 @@ densities are those of the definition.
 from __future__ import annotations
 
 from math import exp, inf, log, log1p, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from .....models.records import Array
-from ..posterior import BIRTH, DEATH, EXTENT, FLOOR, JUMP, POSITION, RELOCATE, Births, Scene, State
+from ..posterior import (
+    ACCEPT,
+    ANYWHERE,
+    BIRTH,
+    DEATH,
+    EXTENT,
+    EXTENTS,
+    FLOOR,
+    JUMP,
+    KIND,
+    PLACE,
+    POSITION,
+    RELOCATE,
+    SEED,
+    TARGET,
+    Births,
+    Scene,
+    State,
+)  # fmt: skip
 from .posterior import bisect, column, log_change, log_posterior, put, refresh, span
 
 _NONE = -1
+
+
+class Proposal(NamedTuple):
+    """Another target in the place of one: centre c (3,), extent e (6,), its ``step`` (3,) from
+    there, its precision A (3, 3), and its column ``fresh`` (M,) of eta, non-zero from ``first``
+    to ``last`` (K,)."""
+
+    c: Array
+    e: Array
+    step: Array
+    A: Array
+    first: Array
+    last: Array
+    fresh: Array
+
+
+class Rates(NamedTuple):
+    """For a jump: Z (M,), and log death rates (room,) before (``few``) and after it (``many``)."""
+
+    Z: Array
+    few: Array
+    many: Array
 
 
 @njit(cache=True, error_model="numpy")
@@ -115,11 +156,11 @@ def draw(
 ) -> None:
     """A centre near a detection that the targets other than l leave unexplained, or anywhere."""
     M = len(state.shot)
-    if u[4] < scene.uniform or M == 0:
+    if u[ANYWHERE] < scene.uniform or M == 0:
         for a in range(3):
-            c[a] = scene.lower[a] + u[5 + a] * (scene.upper[a] - scene.lower[a])
+            c[a] = scene.lower[a] + u[PLACE + a] * (scene.upper[a] - scene.lower[a])
         return
-    rest, seed = u[3] * total, 0
+    rest, seed = u[SEED] * total, 0
     while seed < M - 1:
         rest -= seed_weight(scene, state, l, seed, clutter)
         if rest < 0:
@@ -231,14 +272,14 @@ def log_table(scene: Scene, births: Births, c: Array) -> float:
 def table_draw(scene: Scene, births: Births, u: Array, g: Array, c: Array) -> None:
     """A centre in one of the table's balls, or anywhere."""
     J = len(births.points)
-    if u[4] < scene.uniform or J == 0:
+    if u[ANYWHERE] < scene.uniform or J == 0:
         for a in range(3):
-            c[a] = scene.lower[a] + u[5 + a] * (scene.upper[a] - scene.lower[a])
+            c[a] = scene.lower[a] + u[PLACE + a] * (scene.upper[a] - scene.lower[a])
         return
     total = 0.0
     for j in range(J):
         total += births.weight[j]
-    rest, j = u[5] * total, 0
+    rest, j = u[PLACE] * total, 0
     while j < J - 1:
         rest -= births.weight[j]
         if rest < 0:
@@ -248,11 +289,115 @@ def table_draw(scene: Scene, births: Births, u: Array, g: Array, c: Array) -> No
     for a in range(3):
         if scene.upper[a] > scene.lower[a]:
             norm += g[a] * g[a]
-    length = births.radius * u[6] ** (1 / dimension(scene)) / sqrt(norm)
+    length = births.radius * u[PLACE + 1] ** (1 / dimension(scene)) / sqrt(norm)
     for a in range(3):
         c[a] = births.points[j, a]
         if scene.upper[a] > scene.lower[a]:
             c[a] += length * g[a]
+
+
+@njit(cache=True, error_model="numpy")
+def kind_of(moves: Array, u: Array) -> int:
+    """The kind of the move."""
+    kind = 0
+    while kind < JUMP and u[KIND] >= moves[kind]:
+        kind += 1
+    return kind
+
+
+@njit(cache=True, error_model="numpy")
+def dying(L: int, rates: Rates, total: float, u: Array) -> int:
+    """The target that dies, by the rates whose sum has the logarithm ``total``."""
+    rest, l = u[SEED], 0
+    while l < L - 1:
+        rest -= exp(rates.few[l] - total)
+        if rest < 0:
+            break
+        l += 1
+    return l
+
+
+@njit(cache=True, error_model="numpy")
+def newborn(
+    scene: Scene, state: State, births: Births, kind: int, l: int, clutter: float, total: float,
+    u: Array, g: Array, new: Proposal,
+) -> None:  # fmt: skip
+    """A centre and an extent anew, for a birth, a relocation or a jump."""
+    if kind == JUMP:
+        table_draw(scene, births, u, g, new.c)
+    else:
+        draw(scene, state, l, clutter, total, u, g, new.c)
+    for a in range(6):
+        new.e[a] = scene.e_lower[a] + u[EXTENTS + a] * (scene.e_upper[a] - scene.e_lower[a])
+
+
+@njit(cache=True, error_model="numpy")
+def stepped(
+    scene: Scene, state: State, kind: int, l: int, scale: Array, g: Array, new: Proposal
+) -> None:
+    """A step of the position or of the extent of target l."""
+    new.c[:], new.e[:] = state.c[l], state.e[l]
+    if kind == POSITION:
+        position_step(scene, state.A[l], scale[0], g, new.step)
+        for a in range(3):
+            new.c[a] += new.step[a]
+    else:
+        for a in range(6):
+            if scene.e_upper[a] > scene.e_lower[a]:
+                new.e[a] += extent_step(scene, new.e[a], state.rho[l], scale[1]) * g[a]
+
+
+@njit(cache=True, error_model="numpy")
+def position_ratio(state: State, l: int, scale: float, new: Proposal) -> float:
+    """Logarithm of the ratio of the densities of a step back and forth."""
+    drift, step = 0.0, new.step
+    for a in range(3):
+        for b in range(3):
+            drift += step[a] * (new.A[a, b] - state.A[l, a, b]) * step[b]
+    return half_log_det(new.A) - half_log_det(state.A[l]) - drift / (2 * scale**2)
+
+
+@njit(cache=True, error_model="numpy")
+def extent_ratio(
+    scene: Scene, state: State, l: int, scale: float, rho: float, new: Proposal
+) -> float:
+    """The same for a step of the extent, to a target that expects ``rho`` detections."""
+    ratio = 0.0
+    for a in range(6):
+        if scene.e_upper[a] > scene.e_lower[a]:
+            forth = extent_step(scene, state.e[l, a], state.rho[l], scale)
+            back = extent_step(scene, new.e[a], rho, scale)
+            moved = new.e[a] - state.e[l, a]
+            ratio += log(forth / back) - moved**2 / 2 * (back**-2 - forth**-2)
+    return ratio
+
+
+@njit(cache=True, error_model="numpy")
+def jump_ratio(
+    scene: Scene, state: State, births: Births, l: int, born: bool, clutter: float, rho: float,
+    total: float, new: Proposal, rates: Rates,
+) -> float:  # fmt: skip
+    """The same for a birth or death by total rates, the deaths' before being ``total``."""
+    Z, first, last = rates.Z, new.first, new.last
+    for k in range(len(first)):
+        for m in range(first[k], last[k]):
+            Z[m] = max(Z[m] + new.fresh[m] - state.eta[l, m], clutter)
+    other = log_deaths(scene, state, Z, clutter, l, rates.many)
+    if born:
+        chosen = log_death(scene, rho, first, last, new.fresh, Z, clutter)
+        ratio = chosen + log_add(births.log_total, total) - births.log_total
+        ratio -= log_add(births.log_total, log_add(other, chosen))
+        return float(ratio - log_table(scene, births, new.c))
+    ratio = births.log_total + log_add(births.log_total, total) - rates.few[l]
+    ratio += log_table(scene, births, state.c[l])
+    return float(ratio - log_add(births.log_total, other))
+
+
+@njit(cache=True, error_model="numpy")
+def take(state: State, l: int, rho: float, new: Proposal) -> None:
+    """Let the proposal be target l."""
+    put(state, l, new.first, new.last, new.fresh)
+    state.c[l], state.e[l], state.rho[l], state.A[l] = new.c, new.e, rho, new.A
 
 
 @njit(cache=True, error_model="numpy")
@@ -261,119 +406,78 @@ def chain(
     U: Array, G: Array, trace: Array, count: Array, tried: Array, accepted: Array,
 ) -> None:  # fmt: skip
     """Run one move for every row of random numbers; see the definition."""
-    K, room = len(scene.offset) - 1, len(state.c)
+    K, M, room = len(scene.offset) - 1, len(state.shot), len(state.c)
     prior, clutter = log(intensity[0]) - log(volume(scene.e_lower, scene.e_upper)), intensity[1]
-    first, last, fresh = np.zeros(K, np.int64), np.zeros(K, np.int64), np.zeros(len(state.shot))
-    c, e, step, A = np.zeros(3), np.zeros(6), np.zeros(3), np.zeros((3, 3))
-    few, many, Z = np.zeros(room), np.zeros(room), np.zeros(len(state.shot))
+    new = Proposal(
+        np.zeros(3), np.zeros(6), np.zeros(3), np.zeros((3, 3)), np.zeros(K, np.int64),
+        np.zeros(K, np.int64), np.zeros(M),
+    )  # fmt: skip
+    rates = Rates(np.zeros(M), np.zeros(room), np.zeros(room))
     refresh(scene, state)
     posterior = log_posterior(scene, state, intensity)
     for n in range(len(U)):
         u, g, L = U[n], G[n], state.size[0]
-        kind = 0
-        while kind < JUMP and u[0] >= moves[kind]:
-            kind += 1
+        kind = kind_of(moves, u)
         tried[kind] += 1
         trace[n], count[n] = posterior, L
 
         # what is replaced: target l, or for a birth the empty place after the last
-        l, born, dies = min(int(u[1] * L), L - 1), kind == BIRTH, kind == DEATH
-        rate = 0.0
+        l, born, dies, deaths = min(int(u[TARGET] * L), L - 1), kind == BIRTH, kind == DEATH, 0.0
         if kind == JUMP:
-            for m in range(len(Z)):
-                Z[m] = clutter + state.shot[m]
-            rate = log_deaths(scene, state, Z, clutter, _NONE, few)
-            born = log(u[1]) < births.log_total - log_add(births.log_total, rate)
+            rates.Z[:] = clutter + state.shot
+            deaths = log_deaths(scene, state, rates.Z, clutter, _NONE, rates.few)
+            born = log(u[TARGET]) < births.log_total - log_add(births.log_total, deaths)
             dies = not born
             if dies:
-                rest, l = u[3], 0
-                while l < L - 1:
-                    rest -= exp(few[l] - rate)
-                    if rest < 0:
-                        break
-                    l += 1
+                l = dying(L, rates, deaths, u)
         if born:
             l = L
         if (born and room == L) or (not born and L == 0):
             continue
 
         # what is proposed
-        log_ratio, total = 0.0, 0.0
+        rho, total = 0.0, 0.0
         if kind in (BIRTH, DEATH, RELOCATE):
             total = total_weight(scene, state, l, clutter)
-        if not dies:
-            c[:], e[:] = state.c[l], state.e[l]
-            if kind == POSITION:
-                position_step(scene, state.A[l], scale[0], g, step)
-                for a in range(3):
-                    c[a] += step[a]
-            elif kind == EXTENT:
-                for a in range(6):
-                    if scene.e_upper[a] > scene.e_lower[a]:
-                        e[a] += extent_step(scene, e[a], state.rho[l], scale[1]) * g[a]
-            else:
-                if kind == JUMP:
-                    table_draw(scene, births, u, g, c)
-                else:
-                    draw(scene, state, l, clutter, total, u, g, c)
-                for a in range(6):
-                    e[a] = scene.e_lower[a] + u[8 + a] * (scene.e_upper[a] - scene.e_lower[a])
-            if not feasible(scene, state, l, c, e):
-                continue
-            rho = column(scene, c, e, first, last, fresh, A)
+        if dies:
+            new.first[:], new.last[:] = 0, 0
         else:
-            rho = 0.0
-            first[:], last[:] = 0, 0
-        span(scene, state, l, first, last, fresh)
-        change = log_change(state, l, first, last, fresh, clutter) - rho
+            if kind in (POSITION, EXTENT):
+                stepped(scene, state, kind, l, scale, g, new)
+            else:
+                newborn(scene, state, births, kind, l, clutter, total, u, g, new)
+            if not feasible(scene, state, l, new.c, new.e):
+                continue
+            rho = column(scene, new.c, new.e, new.first, new.last, new.fresh, new.A)
+        span(scene, state, l, new.first, new.last, new.fresh)
+        change = log_change(state, l, new.first, new.last, new.fresh, clutter) - rho
         if not born:
             change += state.rho[l]
         change += prior * (born - 1.0 * dies)
 
         # the ratio of proposal densities
+        log_ratio = 0.0
         if kind == POSITION:
-            drift = 0.0
-            for a in range(3):
-                for b in range(3):
-                    drift += step[a] * (A[a, b] - state.A[l, a, b]) * step[b]
-            log_ratio = half_log_det(A) - half_log_det(state.A[l]) - drift / (2 * scale[0] ** 2)
+            log_ratio = position_ratio(state, l, scale[0], new)
         elif kind == EXTENT:
-            for a in range(6):
-                if scene.e_upper[a] > scene.e_lower[a]:
-                    forth = extent_step(scene, state.e[l, a], state.rho[l], scale[1])
-                    back = extent_step(scene, e[a], rho, scale[1])
-                    moved = e[a] - state.e[l, a]
-                    log_ratio += log(forth / back) - moved**2 / 2 * (back**-2 - forth**-2)
+            log_ratio = extent_ratio(scene, state, l, scale[1], rho, new)
         elif kind == BIRTH:
-            log_ratio = -log(L + 1.0) - log_density(scene, state, l, clutter, total, c)
+            log_ratio = -log(L + 1.0) - log_density(scene, state, l, clutter, total, new.c)
         elif kind == DEATH:
             log_ratio = log(L) + log_density(scene, state, l, clutter, total, state.c[l])
         elif kind == RELOCATE:
             log_ratio = log_density(scene, state, l, clutter, total, state.c[l])
-            log_ratio -= log_density(scene, state, l, clutter, total, c)
+            log_ratio -= log_density(scene, state, l, clutter, total, new.c)
         else:
-            for k in range(K):
-                for m in range(first[k], last[k]):
-                    Z[m] = max(Z[m] + fresh[m] - state.eta[l, m], clutter)
-            other = log_deaths(scene, state, Z, clutter, l, many)
-            if born:
-                chosen = log_death(scene, rho, first, last, fresh, Z, clutter)
-                log_ratio = chosen + log_add(births.log_total, rate) - births.log_total
-                log_ratio -= log_add(births.log_total, log_add(other, chosen))
-                log_ratio -= log_table(scene, births, c)
-            else:
-                log_ratio = births.log_total + log_add(births.log_total, rate) - few[l]
-                log_ratio += log_table(scene, births, state.c[l])
-                log_ratio -= log_add(births.log_total, other)
+            log_ratio = jump_ratio(scene, state, births, l, born, clutter, rho, deaths, new, rates)
 
         # accept or not
-        if log(u[2]) < change + log_ratio:
+        if log(u[ACCEPT]) < change + log_ratio:
             posterior += change
             accepted[kind] += 1
             if dies:
-                remove(state, l, first, last, fresh)
+                remove(state, l, new.first, new.last, new.fresh)
             else:
-                put(state, l, first, last, fresh)
-                state.c[l], state.e[l], state.rho[l], state.A[l] = c, e, rho, A
+                take(state, l, rho, new)
                 state.size[0] = L + born
         trace[n], count[n] = posterior, state.size[0]
