@@ -35,6 +35,8 @@ COARSE = (0.3, 3.0, 10.0)
 """Factors of all noise that are tried first."""
 SLOWER = (0.5, 0.2, 0.08, 0.04)
 """Factors of the walks of offset and extent that are tried."""
+FEWER = (0.1, 0.2, 0.5, 2.0)
+"""Factors of the number of scattered ranges that are tried."""
 FARTHEST = 3
 """Steps that a walk may be climbed away from what is told."""
 _log = logging.getLogger(__name__)
@@ -115,9 +117,11 @@ def learn(
         if "sigma" in wanted:
             search.climb(finer, "sigma_factor", most=20)
         if "rates" in wanted:
-            if params.scatter > 0:
-                search.climb(2.0, "mean_scatter")
             search.climb(2.0, "mean_clutter")
+            if params.scatter > 0:
+                # fewer scattered ranges pay only where they are much fewer
+                search.settle(FEWER, "mean_scatter")
+                search.climb(2.0, "mean_clutter")
         if "walks" in wanted:
             if params.has_object:
                 search.settle(SLOWER, "bias_angle_std", "bias_distance_std")
