@@ -20,7 +20,7 @@ from ..models.errors import InputError, ParameterError
 from ..models.parameters import Layer
 from ..models.records import Meta, Recording, Scores
 from ..models.registry import load
-from . import progress
+from . import exits, progress
 from .batch import resume
 from .batch.execution import Execution
 from .batch.task import Whole
@@ -147,6 +147,7 @@ def _append(steps: Iterable[TimedStep], out: Writer, meta: Meta) -> Timing:
     """Write the steps, and tell their times."""
     timing = Timing(meta.name, str(meta.provenance["estimator"]), array("q"), array("d"))
     for step, seconds in steps:
+        exits.check_signals()  # a library may have caught what a signal raised
         out.append(replace(step, meta=meta))
         timing.time_ns.extend(step.objects.time_ns.tolist())
         timing.seconds.extend([seconds] * len(step.objects.time_ns))

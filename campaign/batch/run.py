@@ -210,6 +210,7 @@ def _outcomes(
             number = waiting.popleft()
             flying[workers.submit(call, tasks[number])] = number
         over = wait(flying, _PATIENCE, FIRST_COMPLETED).done
+        exits.check_signals()
         if not over:
             workers.watch()
         for future in over:
