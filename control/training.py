@@ -16,7 +16,7 @@ import numpy as np
 from ..estimators.maps.kernels.cnn import probabilities, scaled
 from ..models.classifier import CLASSES, FILTERS, KERNEL, POOLED, Weights
 from ..models.errors import ParameterError
-from ..models.parameters import parameter, require
+from ..models.parameters import parameter
 from ..models.records import Array
 from ..simulate import jsc
 from .windows import Windows, join, scenes
@@ -29,21 +29,18 @@ Watch = Callable[[Iterable[Any], str, int], Iterable[Any]]
 class Params:
     """Scenes to learn from and to test on, and how to learn."""
 
-    scenes: int = parameter(600, "1", "scenes to train on")
-    held_out: int = parameter(200, "1", "scenes to test on")
-    scans: int = parameter(10, "1", "scans of a scene, spread over its time")
-    displacement: float = parameter(0.5, "m", "standard deviation sigma_w of the windows' middle")
-    epochs: int = parameter(8, "1", "passes over the training set")
-    batch: int = parameter(64, "1", "windows in a step")
-    learning_rate: float = parameter(1e-3, "1", "of Adam, falling to zero along a cosine")
-    weight_decay: float = parameter(1e-2, "1", "decoupled (AdamW)")
-
-    def __post_init__(self) -> None:
-        for name in ("scenes", "held_out", "scans", "epochs", "batch"):
-            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
-        require(self.learning_rate > 0, "learning_rate", "positive", self.learning_rate)
-        for name in ("displacement", "weight_decay"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
+    scenes: int = parameter(600, "1", "scenes to train on", within="[1, inf)")
+    held_out: int = parameter(200, "1", "scenes to test on", within="[1, inf)")
+    scans: int = parameter(10, "1", "scans of a scene, spread over its time", within="[1, inf)")
+    displacement: float = parameter(
+        0.5, "m", "standard deviation sigma_w of the windows' middle", within="[0, inf)"
+    )
+    epochs: int = parameter(8, "1", "passes over the training set", within="[1, inf)")
+    batch: int = parameter(64, "1", "windows in a step", within="[1, inf)")
+    learning_rate: float = parameter(
+        1e-3, "1", "of Adam, falling to zero along a cosine", within="(0, inf)"
+    )
+    weight_decay: float = parameter(1e-2, "1", "decoupled (AdamW)", within="[0, inf)")
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,9 +31,13 @@ ENGINES = {"spectral": spectral.range_angle_map, "waveform": waveform.range_angl
 class Params(BaseStation):
     """Stations, waveform, scene and engine."""
 
-    scans: int = parameter(200, "1", "number of scans")
-    dt: float = parameter(0.05, "s", "time T_scan between scans; scan k, from 1, is at k dt")
-    station_radius: float = parameter(50.0, "m", "distance of the stations from the origin")
+    scans: int = parameter(200, "1", "number of scans", within="[1, inf)")
+    dt: float = parameter(
+        0.05, "s", "time T_scan between scans; scan k, from 1, is at k dt", within="(0, inf)"
+    )
+    station_radius: float = parameter(
+        50.0, "m", "distance of the stations from the origin", within="(0, inf)"
+    )
     station_azimuths: tuple[float, ...] = parameter(
         tuple(np.pi / 3 * k for k in (0, 2, 4, 1, 3, 5)),
         "rad",
@@ -42,23 +46,33 @@ class Params(BaseStation):
     )
     engine: str = parameter("spectral", "1", "spectral: the map by its law; waveform: by symbols")
     noisy: bool = parameter(True, "1", "with receiver noise")
-    pedestrians: int = parameter(4, "1", "number of pedestrians")
-    vehicles: int = parameter(4, "1", "number of vehicles")
+    pedestrians: int = parameter(4, "1", "number of pedestrians", within="[0, inf)")
+    vehicles: int = parameter(4, "1", "number of vehicles", within="[0, inf)")
     lanes: Any = parameter({}, "m", "lanes by name: x0, y0, x1, y1 in the direction of travel")
     crosswalks: Any = parameter({}, "m", "crosswalks by name: x0, y0, x1, y1")
-    half_width: float = parameter(19.0, "m", "centres stay within this of both axes, choice")
-    clearance: float = parameter(1.0, "m", "least gap between two objects, choice")
+    half_width: float = parameter(
+        19.0, "m", "centres stay within this of both axes, choice", within="(0, inf)"
+    )
+    clearance: float = parameter(
+        1.0, "m", "least gap between two objects, choice", within="[0, inf)"
+    )
     vehicle_speed: tuple[float, float] = parameter((1.0, 3.5), "m s-1", "range, choice")
     pedestrian_speed: tuple[float, float] = parameter((0.5, 1.5), "m s-1", "range, choice")
     vehicle_turn: tuple[float, float] = parameter((5.0, 8.0), "m", "range of radii, choice")
     pedestrian_turn: tuple[float, float] = parameter((1.0, 2.0), "m", "range of radii, choice")
-    vehicle_length: float = parameter(4.5, "m", "length of a vehicle, choice")
-    vehicle_width: float = parameter(1.8, "m", "width of a vehicle, choice")
-    pedestrian_radius: float = parameter(0.25, "m", "half the width of a pedestrian, choice")
-    rcs_pedestrian: float = parameter(1.0, "m2", "mean radar cross section (table I)")
-    rcs_surface: float = parameter(20.0, "m2", "of each surface of a vehicle")
-    rcs_wheelhouse: float = parameter(0.0, "m2", "of each wheelhouse, as table I prints it")
-    rcs_corner: float = parameter(5.0, "m2", "of each corner")
+    vehicle_length: float = parameter(4.5, "m", "length of a vehicle, choice", within="(0, inf)")
+    vehicle_width: float = parameter(1.8, "m", "width of a vehicle, choice", within="(0, inf)")
+    pedestrian_radius: float = parameter(
+        0.25, "m", "half the width of a pedestrian, choice", within="(0, inf)"
+    )
+    rcs_pedestrian: float = parameter(
+        1.0, "m2", "mean radar cross section (table I)", within="[0, inf)"
+    )
+    rcs_surface: float = parameter(20.0, "m2", "of each surface of a vehicle", within="[0, inf)")
+    rcs_wheelhouse: float = parameter(
+        0.0, "m2", "of each wheelhouse, as table I prints it", within="[0, inf)"
+    )
+    rcs_corner: float = parameter(5.0, "m2", "of each corner", within="[0, inf)")
     surface_visibility: tuple[float, float] = parameter(
         (0.05, 0.2),
         "rad",
@@ -66,29 +80,27 @@ class Params(BaseStation):
     )
     wheelhouse_visibility: tuple[float, float] = parameter((0.8, 1.2), "rad", "likewise, choice")
     corner_visibility: tuple[float, float] = parameter((1.7, 2.35), "rad", "likewise, choice")
-    birth_spacing: float = parameter(4.0, "m", "spacing of births on lanes and crosswalks, choice")
-    birth_weight: float = parameter(0.005, "1", "expected targets a scan at each, choice")
-    birth_variance: float = parameter(0.1, "m2, m2 s-2", "variance of a birth's state entries")
-    recovery_variance: float = parameter(5.0, "m2, m2 s-2", "that of the recovery at the centre")
+    birth_spacing: float = parameter(
+        4.0, "m", "spacing of births on lanes and crosswalks, choice", within="(0, inf)"
+    )
+    birth_weight: float = parameter(
+        0.005, "1", "expected targets a scan at each, choice", within="[0, inf)"
+    )
+    birth_variance: float = parameter(
+        0.1, "m2, m2 s-2", "variance of a birth's state entries", within="(0, inf)"
+    )
+    recovery_variance: float = parameter(
+        5.0, "m2, m2 s-2", "that of the recovery at the centre", within="(0, inf)"
+    )
 
     def __post_init__(self) -> None:
         BaseStation.__post_init__(self)
-        for name in ("scans", "vehicles", "pedestrians"):
-            least = 1 if name == "scans" else 0
-            require(getattr(self, name) >= least, name, f"at least {least}", getattr(self, name))
-        positive = ("dt", "station_radius", "half_width", "vehicle_length", "vehicle_width")
-        for name in (*positive, "pedestrian_radius", "birth_spacing", "birth_variance"):
-            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
-        for name in ("rcs_pedestrian", "rcs_surface", "rcs_wheelhouse", "rcs_corner", "clearance"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
         for name in ("vehicle_speed", "pedestrian_speed", "vehicle_turn", "pedestrian_turn"):
             low, high = getattr(self, name)
             require(0 < low <= high, name, "positive and increasing", (low, high))
         for name in ("surface_visibility", "wheelhouse_visibility", "corner_visibility"):
             low, high = getattr(self, name)
             require(0 <= low <= high, name, "increasing, at least 0", (low, high))
-        require(self.birth_weight >= 0, "birth_weight", "at least 0", self.birth_weight)
-        require(self.recovery_variance > 0, "recovery_variance", "positive", self.recovery_variance)
         require(bool(self.station_azimuths), "station_azimuths", "one or more", ())
         require(self.engine in ENGINES, "engine", " or ".join(ENGINES), self.engine)
         for name, needed in (("lanes", self.vehicles), ("crosswalks", self.pedestrians)):

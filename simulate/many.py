@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.motion import constant_velocity
-from ..models.parameters import parameter, require
+from ..models.parameters import parameter
 from ..models.records import Array, Objects, Recording
 from . import points
 from .targets import STATE, UNITS, step_noise
@@ -25,21 +25,19 @@ class Params(points.Positions):
         "m",
         "x_min, x_max, y_min, y_max of the false alarms and of the births",
     )
-    birth_rate: float = parameter(0.4, "1", "expected births per scan")
-    initial_rate: float = parameter(20.0, "1", "expected number of targets at the first scan")
-    p_survive: float = parameter(0.98, "1", "probability that a target lives to the next scan")
+    birth_rate: float = parameter(0.4, "1", "expected births per scan", within="[0, inf)")
+    initial_rate: float = parameter(
+        20.0, "1", "expected number of targets at the first scan", within="[0, inf)"
+    )
+    p_survive: float = parameter(
+        0.98, "1", "probability that a target lives to the next scan", within="[0, 1]"
+    )
     std_velocity: float = parameter(
-        10.0, "m s-1", "standard deviation of vx and of vy of a new target"
+        10.0, "m s-1", "standard deviation of vx and of vy of a new target", within="[0, inf)"
     )
     noise_density: float = parameter(
-        0.1, "m2 s-3", "power spectral density of the targets' acceleration"
+        0.1, "m2 s-3", "power spectral density of the targets' acceleration", within="[0, inf)"
     )
-
-    def __post_init__(self) -> None:
-        points.Positions.__post_init__(self)
-        for name in ("birth_rate", "initial_rate", "std_velocity", "noise_density"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        require(0 <= self.p_survive <= 1, "p_survive", "in [0, 1]", self.p_survive)
 
 
 def simulate(params: Params, rng: np.random.Generator, name: str) -> Recording:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.motion import constant_velocity
-from ..models.parameters import parameter, require
+from ..models.parameters import parameter
 from ..models.records import Array, Recording
 from . import points
 from .targets import objects, step_noise
@@ -31,24 +31,23 @@ class Params(points.Positions):
         (0.0, 300.0, 0.0, 300.0), "m", "x_min, x_max, y_min, y_max of the false alarms"
     )
     std_position: float = parameter(1.0, "m", "standard deviation of x and of y")
-    targets: int = parameter(4, "1", "number of targets")
+    targets: int = parameter(4, "1", "number of targets", within="[0, inf)")
     centre: tuple[float, float] = parameter((150.0, 150.0), "m", "where they meet")
     spread: float = parameter(
-        0.1, "m2, m2 s-2", "variance of each position and velocity in the middle step"
+        0.1,
+        "m2, m2 s-2",
+        "variance of each position and velocity in the middle step",
+        within="[0, inf)",
     )
     noise_density: float = parameter(
-        0.01, "m2 s-3", "power spectral density of the targets' acceleration"
+        0.01, "m2 s-3", "power spectral density of the targets' acceleration", within="[0, inf)"
     )
-    first: tuple[int, ...] = parameter((), "1", "first steps of the first targets, others 1")
-    last: tuple[int, ...] = parameter((40,), "1", "last steps of the first targets, others all")
-
-    def __post_init__(self) -> None:
-        points.Positions.__post_init__(self)
-        require(self.targets >= 0, "targets", "at least 0", self.targets)
-        for name in ("spread", "noise_density"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        for name in ("first", "last"):
-            require(min(getattr(self, name), default=1) >= 1, name, "from 1", getattr(self, name))
+    first: tuple[int, ...] = parameter(
+        (), "1", "first steps of the first targets, others 1", within="[1, inf)"
+    )
+    last: tuple[int, ...] = parameter(
+        (40,), "1", "last steps of the first targets, others all", within="[1, inf)"
+    )
 
 
 def simulate(params: Params, rng: np.random.Generator, name: str) -> Recording:

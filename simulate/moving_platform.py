@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..models.parameters import parameter, require
+from ..models.parameters import parameter
 from ..models.records import Array, Recording
 from . import points
 from .targets import Starts, check_starts, objects, walk
@@ -38,13 +38,12 @@ class Params(points.Bearings):
         "x, y, vx, vy at the first step, first and last step of each target",
     )
     noise_density: float = parameter(
-        0.01, "m2 s-3", "power spectral density of the targets' acceleration"
+        0.01, "m2 s-3", "power spectral density of the targets' acceleration", within="[0, inf)"
     )
 
     def __post_init__(self) -> None:
         points.Bearings.__post_init__(self)
         check_starts(self.targets)
-        require(self.noise_density >= 0, "noise_density", "at least 0", self.noise_density)
 
 
 def simulate(params: Params, rng: np.random.Generator, name: str) -> Recording:

@@ -21,16 +21,10 @@ from ..models.records import Array, Meta, Objects, Recording, Sensor, Stream, Tr
 class Scans:
     """How many scans there are, and what they find."""
 
-    steps: int = parameter(100, "1", "number of scans")
-    dt: float = parameter(1.0, "s", "time between scans; scan k is at k dt")
-    p_detect: float = parameter(0.95, "1", "probability that a target is detected")
-    clutter_rate: float = parameter(20.0, "1", "expected false alarms per scan")
-
-    def __post_init__(self) -> None:
-        require(self.steps >= 1, "steps", "at least 1", self.steps)
-        require(self.dt > 0, "dt", "positive", self.dt)
-        require(0 <= self.p_detect <= 1, "p_detect", "in [0, 1]", self.p_detect)
-        require(self.clutter_rate >= 0, "clutter_rate", "at least 0", self.clutter_rate)
+    steps: int = parameter(100, "1", "number of scans", within="[1, inf)")
+    dt: float = parameter(1.0, "s", "time between scans; scan k is at k dt", within="(0, inf)")
+    p_detect: float = parameter(0.95, "1", "probability that a target is detected", within="[0, 1]")
+    clutter_rate: float = parameter(20.0, "1", "expected false alarms per scan", within="[0, inf)")
 
     @property
     def time_ns(self) -> Array:
@@ -46,30 +40,26 @@ class Positions(Scans):
     clutter_region: tuple[float, float, float, float] = parameter(
         (-600.0, 600.0, -600.0, 600.0), "m", "x_min, x_max, y_min, y_max of the false alarms"
     )
-    std_position: float = parameter(5.0, "m", "standard deviation of x and of y")
+    std_position: float = parameter(5.0, "m", "standard deviation of x and of y", within="[0, inf)")
 
     def __post_init__(self) -> None:
-        Scans.__post_init__(self)
         x_min, x_max, y_min, y_max = self.clutter_region
         ok = x_min < x_max and y_min < y_max
         require(ok, "clutter_region", "x_min < x_max and y_min < y_max", self.clutter_region)
-        require(self.std_position >= 0, "std_position", "at least 0", self.std_position)
 
 
 @dataclass(frozen=True, slots=True)
 class Bearings(Scans):
     """Scans of ranges and bearings in the sector that a radar looks at."""
 
-    std_range: float = parameter(3.0, "m", "standard deviation of the range")
-    std_azimuth: float = parameter(0.01, "rad", "standard deviation of the azimuth")
-    max_range: float = parameter(800.0, "m", "the farthest the radar sees")
+    std_range: float = parameter(3.0, "m", "standard deviation of the range", within="[0, inf)")
+    std_azimuth: float = parameter(
+        0.01, "rad", "standard deviation of the azimuth", within="[0, inf)"
+    )
+    max_range: float = parameter(800.0, "m", "the farthest the radar sees", within="(0, inf)")
     opening_angle: float = parameter(2 * pi, "rad", "angle of the sector about the sensor's x axis")
 
     def __post_init__(self) -> None:
-        Scans.__post_init__(self)
-        for name in ("std_range", "std_azimuth"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        require(self.max_range > 0, "max_range", "positive", self.max_range)
         angle = self.opening_angle
         require(0 < angle <= 2 * pi, "opening_angle", "in (0, 2 pi]", angle)
 

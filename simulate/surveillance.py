@@ -26,21 +26,27 @@ GROUPS = ("single", "waves")
 class Params:
     """Scene, groups of targets, and radar."""
 
-    steps: int = parameter(250, "1", "number of scans")
-    dt: float = parameter(1.0, "s", "time between scans; scan k is at k dt")
+    steps: int = parameter(250, "1", "number of scans", within="[1, inf)")
+    dt: float = parameter(1.0, "s", "time between scans; scan k is at k dt", within="(0, inf)")
     scene: tuple[float, float, float, float] = parameter(
         (0.0, 1000.0, 0.0, 400.0), "m", "x_min, x_max, y_min, y_max; who leaves it is gone"
     )
-    groups: str = parameter("single", "1", "one group, or waves at random intervals")
-    mean_size: float = parameter(15.0, "1", "mean number of targets in a group")
-    first_step: int = parameter(10, "1", "step at which the first group appears, from 1")
+    groups: str = parameter("single", "1", "one group, or waves at random intervals", within=GROUPS)
+    mean_size: float = parameter(15.0, "1", "mean number of targets in a group", within="[0, inf)")
+    first_step: int = parameter(
+        10, "1", "step at which the first group appears, from 1", within="[1, inf)"
+    )
     interval: tuple[float, float] = parameter(
         (40.0, 90.0), "s", "least and greatest time between waves"
     )
     birth_y: tuple[float, float] = parameter((100.0, 300.0), "m", "part of the west edge")
-    speed: float = parameter(5.0, "m s-1", "mean speed to the east")
-    speed_spread: float = parameter(0.1, "1", "greatest relative deviation of a target's speed")
-    std_acceleration: float = parameter(0.01, "m s-2", "white acceleration, constant over a step")
+    speed: float = parameter(5.0, "m s-1", "mean speed to the east", within="(0, inf)")
+    speed_spread: float = parameter(
+        0.1, "1", "greatest relative deviation of a target's speed", within="[0, inf)"
+    )
+    std_acceleration: float = parameter(
+        0.01, "m s-2", "white acceleration, constant over a step", within="[0, inf)"
+    )
     radar: tuple[float, float] = parameter((500.0, 700.0), "m", "position; it faces south")
     views: tuple[tuple[float, float], ...] = parameter(
         ((-45.0, -18.4), (-14.0, 14.0), (18.4, 45.0)),
@@ -48,22 +54,19 @@ class Params:
         "first and last azimuth of each view, anticlockwise from south",
     )
     view_range: tuple[float, float] = parameter((300.0, 730.0), "m", "ranges of the views")
-    p_detect: float = parameter(0.6, "1", "probability of detection in the view")
+    p_detect: float = parameter(0.6, "1", "probability of detection in the view", within="[0, 1]")
     clutter_rate: float = parameter(
-        1.0, "1", "expected false alarms per scan, uniform in range and azimuth over the view"
+        1.0,
+        "1",
+        "expected false alarms per scan, uniform in range and azimuth over the view",
+        within="[0, inf)",
     )
-    std_range: float = parameter(12.0, "m", "standard deviation of the range")
-    std_azimuth: float = parameter(radians(2.86), "rad", "standard deviation of the azimuth")
+    std_range: float = parameter(12.0, "m", "standard deviation of the range", within="(0, inf)")
+    std_azimuth: float = parameter(
+        radians(2.86), "rad", "standard deviation of the azimuth", within="(0, inf)"
+    )
 
     def __post_init__(self) -> None:
-        for name in ("steps", "first_step"):
-            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
-        for name in ("dt", "speed", "std_range", "std_azimuth"):
-            require(getattr(self, name) > 0, name, "positive", getattr(self, name))
-        for name in ("mean_size", "speed_spread", "std_acceleration", "clutter_rate"):
-            require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        require(0 <= self.p_detect <= 1, "p_detect", "in [0, 1]", self.p_detect)
-        require(self.groups in GROUPS, "groups", f"one of {' '.join(GROUPS)}", self.groups)
         x_min, x_max, y_min, y_max = self.scene
         require(x_min < x_max and y_min < y_max, "scene", "a box", self.scene)
         low, high = self.birth_y

@@ -23,7 +23,7 @@ SHORT = {"steps": 40, "first_step": 2}
 
 
 def run(name="run", **changes):
-    params = surveillance.Params(**{**SHORT, **changes})
+    params = resolve(surveillance.Params, ("here", {**SHORT, **changes}))
     return params, surveillance.simulate(params, generator(1, "test", name), name)
 
 

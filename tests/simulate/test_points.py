@@ -286,4 +286,4 @@ def test_a_sector_holds_its_clutter_and_only_the_targets_in_it():
 )
 def test_impossible_parameters(scenario, wrong):
     with pytest.raises(ParameterError, match=next(iter(wrong))):
-        scenario.Params(**wrong)
+        resolve(scenario.Params, ("here", wrong))
