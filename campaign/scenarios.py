@@ -12,7 +12,7 @@ from typing import Any
 
 from ..models import registry
 from ..models.errors import ParameterError
-from ..models.parameters import Layer, suggestion
+from ..models.parameters import Layer, shown, suggestion
 from .layers import load
 
 GROUP = "echoset.scenarios"
@@ -62,7 +62,7 @@ def _read(path: Path) -> tuple[str, dict[str, Any]]:
     found = load(path)
     for key in found:
         if key not in _KEYS:
-            raise ParameterError(f"{path}: unknown key {key!r}{suggestion(key, _KEYS)}")
+            raise ParameterError(f"{path}: unknown key {shown(key)}{suggestion(key, _KEYS)}")
     name, parameters = found.get("scenario"), found.get("parameters") or {}
     if not isinstance(name, str):
         raise ParameterError(f"{path}: needs the key 'scenario', a name")

@@ -22,7 +22,7 @@ from ..metrics.run import MetricRun
 from ..models import registry
 from ..models.errors import InputError, ParameterError
 from ..models.names import scenario
-from ..models.parameters import Layer, suggestion
+from ..models.parameters import Layer, shown, suggestion
 from ..models.records import Estimates, Recording, Scores
 from . import exits, inputs, log, progress, truth
 from .batch.execution import Execution
@@ -266,7 +266,7 @@ def layers(names: Iterable[str], user: Iterable[Layer]) -> Layers:
                 if key not in among:
                     kind = "metric" if keys is own else "parameter"
                     hint = suggestion(key, among)
-                    raise ParameterError(f"{source}: unknown {kind} {key!r}{hint}")
+                    raise ParameterError(f"{source}: unknown {kind} {shown(key)}{hint}")
         for name, mine in found.items():
             mine.append((source, {k: v for k, v in shared.items() if k in fields[name]}))
             mine.append((f"{source}: {name}", own.get(name, {})))

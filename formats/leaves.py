@@ -127,8 +127,8 @@ def record(leaves: Leaves, path: object) -> Recording | Estimates:
             )
         return Recording(
             meta,
-            {name: Sensor(**fields) for name, fields in _each(own, "sensors").items()},
-            {name: _stream(fields) for name, fields in _each(own, "streams").items()},
+            {name: Sensor(**fields) for name, fields in _each(own, "sensors", path).items()},
+            {name: _stream(fields) for name, fields in _each(own, "streams", path).items()},
             _truth(own),
         )
     except KeyError as error:
@@ -173,13 +173,13 @@ def below(leaves: Mapping[str, Any], group: str) -> dict[str, Any]:
     return {p[len(start) :]: v for p, v in leaves.items() if p.startswith(start)}
 
 
-def _each(leaves: Leaves, group: str) -> dict[str, dict[str, Any]]:
+def _each(leaves: Leaves, group: str, where: object) -> dict[str, dict[str, Any]]:
     """The leaves of each named thing in ``group``."""
     found: dict[str, dict[str, Any]] = {}
     for path, leaf in below(leaves, group).items():
         name, _, rest = path.partition("/")
         if not NAME.fullmatch(name):
-            raise ValueError(f"{name!r} is not a legal name")
+            raise FormatError(where, group, f"{name[:40]!r} is not a legal name")
         found.setdefault(name, {})[rest] = leaf
     return found
 

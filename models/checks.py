@@ -86,7 +86,7 @@ class WindowChecks:
             self._begun = True
         for name, stream in window.streams.items():
             place = f"streams/{name}"
-            _check_name(name, self._path)
+            _check_name(name, "streams", self._path)
             check_stream(stream, window.sensors, name, self._path, self._last.get(place))
             self._follow(place, stream.time_ns, strictly=False)
         if window.truth is not None:
@@ -125,13 +125,13 @@ def _check_shown(name: str, at: Where) -> None:
 def check_sensors(sensors: Mapping[str, Sensor], path: object = "recording") -> None:
     """The part of :func:`check` for the sensors of a recording."""
     for name, sensor in sensors.items():
-        _check_name(name, path)
+        _check_name(name, "sensors", path)
         _check_sensor(sensor, Where(path, f"sensors/{name}"))
 
 
-def _check_name(name: str, path: object) -> None:
+def _check_name(name: str, group: str, path: object) -> None:
     if not NAME.fullmatch(name):
-        Where(path, "").fail(f"{name!r} is not a legal name")
+        Where(path, group).fail(f"{name[:40]!r} is not a legal name")
 
 
 def check_stream(

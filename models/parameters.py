@@ -98,7 +98,19 @@ def groups(cls: type[Any]) -> list[tuple[type[Any], list[dataclasses.Field[Any]]
 def require(ok: bool, name: str, rule: str, value: object) -> None:
     """Raise :class:`ParameterError` with name, rule and value unless ``ok``."""
     if not ok:
-        raise ParameterError(f"{name} must be {rule}, got {value!r}")
+        raise ParameterError(f"{name} must be {rule}, got {shown(value)}")
+
+
+def shown(value: object) -> str:
+    """``value`` as a message quotes it, shortened where it is long."""
+    text = repr(value)
+    return text if len(text) <= 200 else f"{text[:200]}..."
+
+
+def listed(names: Iterable[str]) -> str:
+    """``names`` as a message lists them, the first of them where they are many or long."""
+    text = ", ".join(names)
+    return text if len(text) <= 200 else f"{text[:200]}..."
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:
@@ -122,7 +134,7 @@ def resolve(cls: type[P], *layers: Layer) -> P:
         for key, value in layer.items():
             if key not in types_:
                 hint = suggestion(key, types_)
-                raise ParameterError(f"{source}: unknown parameter {key!r}{hint}")
+                raise ParameterError(f"{source}: unknown parameter {shown(key)}{hint}")
             values[key] = _coerce(value, types_[key], f"{source}: {key}")
             sources[key] = source
     for f in dataclasses.fields(cls):  # type: ignore[arg-type]
@@ -183,7 +195,7 @@ def _coerce(value: Any, kind: Any, where: str) -> Any:
         if math.isfinite(number):
             return number
     name = getattr(kind, "__name__", str(kind))
-    raise ParameterError(f"{where}: must be a {name}, got {value!r}")
+    raise ParameterError(f"{where}: must be a {name}, got {shown(value)}")
 
 
 def as_dict(params: Any) -> dict[str, Any]:

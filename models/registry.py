@@ -9,7 +9,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from .errors import ParameterError
-from .parameters import suggestion
+from .parameters import shown, suggestion
 
 _log = logging.getLogger(__name__)
 
@@ -34,7 +34,7 @@ def load(group: str, name: str) -> Any:
     points = _points(group)
     if name not in points:
         kind = group.rpartition(".")[2].replace("ies", "y").removesuffix("s")
-        raise ParameterError(f"unknown {kind} {name!r}{suggestion(name, points)}")
+        raise ParameterError(f"unknown {kind} {shown(name)}{suggestion(name, points)}")
     return points[name].load()
 
 

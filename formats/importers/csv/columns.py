@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ....models.errors import ParameterError
-from ....models.parameters import require, resolve, suggestion
+from ....models.parameters import require, resolve, shown, suggestion
 from .units import NAMES, check_unit, split_unit
 
 
@@ -128,12 +128,12 @@ def fields(
     ParameterError : a quantity is unknown or cannot be what is said, or a required one is missing
     """
     if not isinstance(spec, Mapping):
-        raise ParameterError(f"{where} must map quantities to columns, got {spec!r}")
+        raise ParameterError(f"{where} must map quantities to columns, got {shown(spec)}")
     found: dict[str, Field | TimeField] = {}
     for key, item in spec.items():
         if key not in required and key not in optional:
             hint = suggestion(key, [*required, *optional])
-            raise ParameterError(f"{where}: unknown quantity {key!r}{hint}")
+            raise ParameterError(f"{where}: unknown quantity {shown(key)}{hint}")
         place = f"{where}.{key}"
         item = item if isinstance(item, Mapping) else {"column": item}
         if key == "time":

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ....models.errors import FormatError, ParameterError
-from ....models.parameters import require, resolve, suggestion
+from ....models.parameters import require, resolve, shown, suggestion
 from ....models.plain_yaml import parse
 from ..matlab import read_mat
 from ..text import TextFile, read_text
@@ -136,7 +136,7 @@ class Tables:
     def reading(self, spec: object, kind: type[R], where: str) -> R:
         """How to read the table that the part ``where`` of the mapping describes."""
         if not isinstance(spec, abc.Mapping):
-            raise ParameterError(f"{where} must have file and columns, got {spec!r}")
+            raise ParameterError(f"{where} must have file and columns, got {shown(spec)}")
         parent = {f.name: getattr(self.dialect, f.name) for f in fields(Dialect)}
         found = resolve(kind, ("mapping", parent), (where, spec))
         if not found.file:

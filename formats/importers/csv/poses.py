@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ....models.errors import ParameterError
-from ....models.parameters import require, suggestion
+from ....models.parameters import require, shown, suggestion
 from ....models.records import Array, Sensor
 from .log import Log
 from .mapping import Tables
@@ -32,7 +32,7 @@ def sensor(spec: Any, kind: str, F: Array, S: Array, tables: Tables, where: str)
         for key in spec:
             if key not in ("position", "yaw"):
                 hint = suggestion(str(key), ("position", "yaw", "file"))
-                raise ParameterError(f"{where}: unknown key {key!r}{hint}")
+                raise ParameterError(f"{where}: unknown key {shown(key)}{hint}")
         yaw[0] = quantity(spec.get("yaw", 0.0), "yaw", f"{where}.yaw")
         spec = spec.get("position", [0.0, 0.0])
     ok = isinstance(spec, list | tuple) and len(spec) in (2, 3)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ....models.errors import FormatError, ParameterError
-from ....models.parameters import require, suggestion
+from ....models.parameters import listed, require, shown, suggestion
 from ..text import TextFile
 from . import skip
 from .columns import Field, TimeField
@@ -30,7 +30,7 @@ class Dialect:
 
     def __post_init__(self) -> None:
         if len(self.delimiter) != 1 or self.delimiter in '"\r\n':
-            raise ParameterError(f"delimiter must be one character, got {self.delimiter!r}")
+            raise ParameterError(f"delimiter must be one character, got {shown(self.delimiter)}")
         require(self.decimal in (".", ","), "decimal", "'.' or ','", self.decimal)
         require(self.decimal != self.delimiter, "decimal", "another than delimiter", self.decimal)
 
@@ -223,5 +223,5 @@ def _position(column: object, names: list[str] | None, width: int, path: Path, l
         return names.index(str(column))
     if str(column) in names:
         raise FormatError(path, f"line {line}", f"two columns are called {column!r}")
-    hint = suggestion(str(column), names) or f": there are {', '.join(names)}"
-    raise FormatError(path, f"line {line}", f"no column {column!r}{hint}")
+    hint = suggestion(str(column), names) or f": there are {listed(names)}"
+    raise FormatError(path, f"line {line}", f"no column {shown(column)}{hint}")

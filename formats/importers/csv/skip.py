@@ -20,6 +20,7 @@ from typing import NoReturn
 import numpy as np
 
 from ....models.errors import ParameterError
+from ....models.parameters import shown
 from ....models.records import Array
 
 _LONGEST, _DEEPEST = 1000, 40
@@ -65,7 +66,9 @@ def parse(text: object, where: str) -> Condition:
     ParameterError : it states none
     """
     if not isinstance(text, str) or not text.strip() or len(text) > _LONGEST:
-        raise ParameterError(f"{where} must be a condition such as 'distance <= 0', got {text!r}")
+        raise ParameterError(
+            f"{where} must be a condition such as 'distance <= 0', got {shown(text)}"
+        )
     return Condition(text, _Parser(text, where).whole())
 
 

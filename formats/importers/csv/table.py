@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....models.errors import FormatError, ParameterError
-from ....models.parameters import require
+from ....models.parameters import listed, require, shown
 from ..text import TextFile
 from . import skip, times
 from .columns import Field, TimeField
@@ -107,7 +107,7 @@ def _called(pattern: str, where: str, rows: Rows) -> Cells:
     matches = [(k, re.fullmatch(made, name)) for k, name in enumerate(rows.header)]
     found = {tuple(m[key] for key in sorted(keys)): k for k, m in matches if m}
     if not found:
-        reason = f"no column is called like {pattern!r}: there are {', '.join(rows.header)}"
+        reason = f"no column is called like {shown(pattern)}: there are {listed(rows.header)}"
         raise FormatError(rows.path, f"line {rows.line}", reason)
     return found
 
