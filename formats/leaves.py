@@ -134,7 +134,7 @@ def record(leaves: Leaves, path: object) -> Recording | Estimates:
     except KeyError as error:
         raise FormatError(path, str(error.args[0]), "is missing") from error
     except (TypeError, ValueError) as error:
-        raise FormatError(path, "", f"not an echoset record: {error}") from error
+        raise FormatError(path, "/", f"not an echoset record: {error}") from error
 
 
 def provenance(text: str, path: object) -> dict[str, Any]:
