@@ -165,7 +165,7 @@ def test_late_ranges_are_learnt_and_pull_the_device_less():
     rows = {"distance": s.rows["distance"] + detour}
     record = replace(record, streams={"uwb": replace(s, rows=rows)})
     gaussian, *_ = run(record, **CALIBRATED)
-    told, _, _, steps, _ = run(record, **CALIBRATED, late=0.33, detour=0.3)
+    told, *_ = run(record, **CALIBRATED, late=0.33, detour=0.3)
     assert rmse(told, walk(t)) < 0.8 * rmse(gaussian, walk(t))
     learnt, *_, found = run(record, range_bias_std=0.0, learn=["rates", "sigma"], particles=500)
     assert found["late"] > 0 and found["learning_gain"] > 10
