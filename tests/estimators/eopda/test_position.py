@@ -97,6 +97,14 @@ def test_after_a_pause_the_device_is_found_again(pause):
     assert np.sqrt(covariance[17:].trace(axis1=1, axis2=2)).max() < 0.5
 
 
+def test_a_device_that_has_gone_far_in_a_pause_is_found_again():
+    """Four times as far as in the first second, from which the reach of anchors was guessed."""
+    t = np.concatenate((np.arange(15) * 0.1, 60 + np.arange(15) * 0.1))
+    p = np.repeat([[3.0, 2.0], [-20.0, 14.0]], 15, 0)
+    device, *_ = run(recording(p, t, sigma=0.03), **CALIBRATED)
+    assert np.hypot(*(device - p)[16:].T).max() < 1.0
+
+
 def test_a_device_that_is_carried_off_is_sought_anew():
     t = np.arange(40) * 0.1
     p = np.where(np.arange(40)[:, None] < 20, [1.0, 1.0], [5.0, 4.5])
