@@ -19,8 +19,9 @@ from ...models.errors import InputError
 from ...models.parameters import parameter
 from ...models.records import Array, Estimates, Recording, Scan
 from ..presets import Presets
-from .output import columns, objects
+from .output import objects
 from .params import SceneParams
+from .plane import columns
 from .scene import epochs, grid
 from .sensors import STREAMS, noise
 

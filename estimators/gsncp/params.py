@@ -8,6 +8,7 @@ import numpy as np
 
 from ...models.parameters import parameter, require
 from ...models.records import Array
+from . import plane
 from .kernels.posterior import KINDS, MAX_GATE
 
 
@@ -48,8 +49,7 @@ class TargetParams:
     @property
     def box(self) -> tuple[Array, Array]:
         """Lower and upper corner (3,) of the region, flat along z in the plane."""
-        r = np.array([*self.clutter_region, 0.0, 0.0][:6])
-        return r[::2], r[1::2]
+        return plane.box(self.clutter_region)
 
     @property
     def extent_box(self) -> tuple[Array, Array]:
@@ -57,9 +57,7 @@ class TargetParams:
         row, column = np.tril_indices(3)
         ends = zip(self.extent_diagonal, self.extent_off_diagonal, strict=True)
         low, high = (np.where(row == column, d, o) for d, o in ends)
-        if self.dimension == 2:
-            low[3:] = high[3:] = (0.0, 0.0, 1.0)
-        return low, high
+        return (low, high) if self.dimension == 3 else plane.extents(low, high)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,14 +3,14 @@
 A sensor is known by its detection probability and its error covariance as functions of position:
 tables that the recording states for every scan (``p_detect_table``, ``cov_xx_table``, ... on the
 nodes ``grid_origin + i grid_spacing``), or else what the parameters or the rows say, tabulated
-here. Problems in the plane are laid into space, see :mod:`.kernels.posterior`.
+here. Problems in the plane are laid into space, see :mod:`.plane`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from math import inf, pi
+from math import inf
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from ...models.poses import pose_at
 from ...models.radar.detection import View, polar
 from ...models.radar.ofdm import MOUNTING
 from ...models.records import Array, Recording, Scan, Stream
+from . import plane
 from .params import SceneParams
 
 STREAMS = SceneParams.STREAMS
@@ -71,7 +72,7 @@ def sensor_state(
         table = _assumed(params, stream, scan, position, rotation, grid)
     _check(table, scan.stream, number)
     if d == 2:
-        table[..., [3, 5]], table[..., 6] = 0.0, 1 / (2 * pi) - 1
+        table = plane.sensed(table)
     keys = ("bandwidth", "side", "azimuth_factor", "elevation_factor", "max_resolution")
     known = all(k in stream.model for k in keys) and d == 3
     cell = [stream.model[k] for k in keys] if known else [0.0, 0.0, 0.0, 0.0, params.resolution]
