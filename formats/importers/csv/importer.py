@@ -28,6 +28,7 @@ import numpy as np
 from ....models.checks import NAME, check
 from ....models.errors import InputError, ParameterError
 from ....models.parameters import parameter, require, suggestion
+from ....models.placement import said
 from ....models.records import Meta, Recording, Sensor, Stream
 from ....models.registry import parameters
 from . import columns, geodetic, truth
@@ -172,11 +173,7 @@ def _rows(name: str, mapping: Mapping, path: Path, tables: Tables, several: bool
 
 
 def _fitted(found: dict[str, Any]) -> str:
-    x, y = found["translation"]
-    return (
-        f"turned by {np.degrees(found['rotation']):.2f} degrees, shifted by ({x:.3f}, {y:.3f}) m "
-        f"and {found['delay']:.3f} s, {found['fitted']} numbers from {found['ranges']} ranges"
-    )
+    return f"{said(found)}, {found['fitted']} numbers from {found['ranges']} ranges"
 
 
 def _check_model(model: abc.Mapping[str, Any], path: Path) -> None:
