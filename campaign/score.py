@@ -14,17 +14,18 @@ import numpy as np
 from .. import formats
 from ..formats import scores as files
 from ..formats.provenance import versions
-from ..metrics import align, pooling
+from ..metrics import pooling
 from ..metrics import segments as spans
 from ..metrics.beside import TruthWindow, is_one_object
 from ..metrics.gate import Gate
+from ..metrics.kit import fit
 from ..metrics.protocol import GROUP, load
 from ..metrics.run import MetricRun
 from ..models import registry
 from ..models.errors import InputError, ParameterError
 from ..models.names import scenario
 from ..models.parameters import Layer, shown, suggestion
-from ..models.placement import Placement, said
+from ..models.poses import Placement, said
 from ..models.records import Array, Estimates, Recording, Scores
 from . import exits, inputs, log, progress, truth
 from .batch.execution import Execution
@@ -115,7 +116,7 @@ def score(task: Task) -> FileScores:
         if task.align is not None:
             own = _track(formats.open_windows(source, task.label), task.label)
             true = _track(formats.open_windows(path, label, recording=place is None), label)
-            placed, aligned = align.fit(own, true, task.align, task.label)
+            placed, aligned = fit.fit(own, true, task.align, task.label)
         _tell_aligned(task.label, aligned)
         one_object = _measure(running, found, about, task, placed)
         whole = None
@@ -247,14 +248,14 @@ def _tell_aligned(label: str, aligned: Mapping[str, Any] | None) -> None:
     log.logger.warning(text, label, to, said(found), found["fitted"], found[kind], kind)
     if kind == "positions":
         text = "%s: by the fit, an rmse of device or centre is too small by a factor of about %.4f"
-        log.logger.warning(text, label, align.gain(found))
+        log.logger.warning(text, label, fit.gain(found))
 
 
 def _track(windows: formats.Windows, label: str) -> tuple[Array, Array]:
     """Times and positions of the one object of estimates, or of the truth."""
     with closing(windows):
         found = (w.truth if isinstance(w, Recording) else w for w in windows)
-        return align.track((part.objects for part in found if part is not None), label)
+        return fit.track((part.objects for part in found if part is not None), label)
 
 
 def _moved(recording: Recording, placed: Placement | None) -> Recording:

@@ -28,7 +28,7 @@ import numpy as np
 from ....models.checks import NAME, check
 from ....models.errors import InputError, ParameterError
 from ....models.parameters import parameter, require, suggestion
-from ....models.placement import said
+from ....models.poses import said
 from ....models.records import Meta, Recording, Sensor, Stream
 from ....models.registry import parameters
 from . import columns, geodetic, truth

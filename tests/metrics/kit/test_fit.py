@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from echoset.metrics.align import fit, gain, track
+from echoset.metrics.kit.fit import fit, gain, track
 from echoset.models.errors import InputError
-from echoset.models.placement import Placement
+from echoset.models.poses import Placement
 from echoset.models.records import Objects
 
 

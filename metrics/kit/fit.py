@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from ..models.errors import InputError
-from ..models.placement import Placement
-from ..models.records import Array, Objects
+from ...models.errors import InputError
+from ...models.poses import Placement
+from ...models.records import Array, Objects
 
 SHIFT = 10.0
 """Largest delay that is looked for [s]."""
