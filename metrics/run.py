@@ -7,10 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from numpy.linalg import LinAlgError
-
-from ..models.errors import InputError, is_out_of_range
+from ..models.errors import InputError, in_range
 from ..models.parameters import Layer, as_dict, resolve, sensor_model
 from ..models.records import Estimates, Objects, Recording, Scores
 from .kit.alignment import Scored, settle
@@ -92,16 +89,12 @@ class MetricRun:
     @contextmanager
     def _refusals(self) -> Iterator[None]:
         """Note why the metric does not apply; numbers whose squares overflow are such a reason."""
+        reason = f"{self._names[0]}: {self.name} is not computed from numbers so large or small"
         try:
-            with np.errstate(over="raise", invalid="raise"):
+            with in_range(InputError, reason):
                 yield
         except InputError as error:
             self.error = error
-        except (ArithmeticError, ValueError) as error:
-            if not (isinstance(error, LinAlgError) or is_out_of_range(error)):
-                raise
-            reason = f"{self.name} cannot be computed from numbers so large or small: {error}"
-            self.error = InputError(f"{self._names[0]}: {reason}")
 
 
 def score(name: str, user: Iterable[Layer], estimates: Estimates, recording: Recording) -> Scores:
