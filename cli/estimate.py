@@ -62,7 +62,7 @@ def command(
     """Run an estimator over the recordings IN.
 
     The estimates of a recording go into a folder as <stem of IN>.<estimator>.h5. Parameters come,
-    the later winning, from: defaults, the recording's sensor model, --preset, --config, --set.
+    the later winning, from: defaults, --preset, the recording's sensor model, --config, --set.
 
     \b
     echoset estimate -e eopda-geo recordings/*.h5 -o estimates/ -j 2

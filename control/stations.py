@@ -55,10 +55,10 @@ class Condition:
         """The parameters of the filter."""
         module = FILTERS[self.filter]
         preset = module.PRESETS[self.preset] if self.preset != "default" else {}
-        layers = preset, GATES[self.gate], {"stations": self.stations}, dict(self.changes)
-        named_ = ((self.name, layer) for layer in layers)
+        layers = GATES[self.gate], {"stations": self.stations}, dict(self.changes)
+        named_ = (("preset", preset), *((self.name, layer) for layer in layers))
         stated = sensor_model(recording, module.Params)
-        return module.resolved(module.Params, recording, stated, tuple(named_))
+        return module.resolved(module.Params, recording, stated, named_)
 
 
 Soft = Mapping[int, Array]

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..models.checks import check_objects, check_steps
 from ..models.errors import EstimatorError, FormatError, InputError, in_range
-from ..models.parameters import Layer, as_dict, resolve, sensor_model
+from ..models.parameters import Layer, as_dict, layered, resolve, sensor_model
 from ..models.random import generator
 from ..models.records import Estimates, Recording, Scan
 from ..models.registry import load
@@ -26,7 +26,8 @@ TimedStep = tuple[Estimates, float]
 class Estimation:
     """A request: an estimator by name, its layers of parameters, its seed.
 
-    The layers come after the recording's own, which count if ``use_sensor_model``.
+    The recording's own layers, which count if ``use_sensor_model``, come after presets and before
+    what else there is.
     """
 
     estimator: str
@@ -63,7 +64,7 @@ class Estimation:
         if hasattr(module, "resolved"):
             params = module.resolved(module.Params, setup, stated, self.layers)
         else:
-            params = resolve(module.Params, *stated, *self.layers)
+            params = resolve(module.Params, *layered(stated, self.layers))
         return EstimatorRun(self, setup, params, label)
 
 

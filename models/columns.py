@@ -73,6 +73,12 @@ COLUMNS: dict[str, Column] = {
     "origin_x": Column("f8", "m", "x of the point of origin", evaluation=True, missing=True),
     "origin_y": Column("f8", "m", "y of the point of origin", evaluation=True, missing=True),
     "origin_z": Column("f8", "m", "z of the point of origin", evaluation=True, missing=True),
+    **{
+        f"origin_{name}": replace(
+            column, long_name=f"true {column.long_name}", evaluation=True, missing=True
+        )
+        for name, column in _covariance("xyz").items()
+    },
 }
 
 REQUIRED: dict[str, tuple[str, ...]] = {

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -102,6 +104,7 @@ class SceneParams(TargetParams):
         "squared Mahalanobis distance beyond which eta is zero",
         within=f"(0, {MAX_GATE:g}]",
     )
+    sensors: Any = parameter({}, "1", "what differs for single streams: name to parameters")
     memory: float = parameter(4.0, "GB", "refuse more detections than it holds", within="(0, inf)")
     max_targets: int = parameter(
         0,
@@ -109,6 +112,10 @@ class SceneParams(TargetParams):
         "most targets at a time; 0: one for every four detections, at least 64, in half the memory",
         within="[0, inf)",
     )
+
+    def __post_init__(self) -> None:
+        TargetParams.__post_init__(self)
+        require(isinstance(self.sensors, Mapping), "sensors", "a mapping", self.sensors)
 
     def places(self, detections: int) -> int:
         """Most targets at a time beside so many detections."""

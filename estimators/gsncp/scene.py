@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter
 from ...models.errors import InputError
 from ...models.grids import Grid
 from ...models.records import Array, Recording, Scan
+from ..streams import per_stream
 from . import plane
 from .kernels.posterior import Scene
 from .params import SceneParams
@@ -56,12 +57,13 @@ def epochs(
     params: SceneParams, setup: Recording, scans: Iterable[Scan], nodes: Grid
 ) -> Iterator[tuple[int, list[SensorState]]]:
     """The time [ns] of each epoch and the sensor states in it."""
-    number = dict.fromkeys(setup.streams, 0)
+    number, own = dict.fromkeys(setup.streams, 0), per_stream(params, list(setup.streams))
     afford(params, nodes, 1)
     for time_ns, group in groupby(scans, key=lambda scan: scan.time_ns):
         states = []
         for scan in group:
-            states.append(sensor_state(params, setup, scan, number[scan.stream], nodes))
+            one = own[scan.stream]
+            states.append(sensor_state(one, setup, scan, number[scan.stream], nodes))
             number[scan.stream] += 1
         yield time_ns, states
 
