@@ -17,8 +17,8 @@ def gaps(scores: Scores) -> Table:
     """
     known: dict[str, set[str]] = {}
     there: dict[tuple[str, str], dict[str, set[str]]] = {}
-    names = list(zip(scores.recording, scores.estimator, scores.metric, strict=True))
-    for recording, estimator, metric in names:
+    names = zip(scores.recording, scores.estimator, scores.metric, strict=True)
+    for recording, estimator, metric in dict.fromkeys(names):
         if estimator and not recording.endswith("*") and not metric.endswith("-left-out"):
             scene = scenario(recording)
             known.setdefault(scene, set()).add(recording)
@@ -34,8 +34,10 @@ def gaps(scores: Scores) -> Table:
             if absent:
                 lines.append((scene, estimator, metric, _list(absent)))
     left: dict[tuple[str, str, str], float] = {}
-    for (recording, estimator, metric), value in zip(names, scores.value.tolist(), strict=True):
-        if metric.endswith("-left-out") and value > 0 and not recording.endswith("*"):
+    out = scores.where(metric=lambda name: name.endswith("-left-out"))
+    told = zip(out.recording, out.estimator, out.metric, out.value.tolist(), strict=True)
+    for recording, estimator, metric, value in told:
+        if value > 0 and not recording.endswith("*"):
             key = scenario(recording), estimator, metric.removesuffix("-left-out")
             left[key] = left.get(key, 0) + value
     lines += [(*key, f"{n:g} step{'s' * (n != 1)} without truth") for key, n in left.items()]

@@ -34,10 +34,14 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     InputError : no values over time of single recordings
     """
     scores, pooled = inputs.tables
-    rows = Columns.of(scores, selection)
-    single = np.array([not name.endswith("*") for name in rows.recording], bool)
-    rows = rows.where(single & (rows.estimator != "") & np.isin(rows.part, PARTS))
-    rows = rows.where(~np.char.endswith(rows.metric.astype(str), "-valid"))
+    some = scores.where(
+        lambda name: not name.endswith("*"),
+        bool,
+        lambda name: not name.endswith("-valid"),
+        PARTS.__contains__,
+        timed=True,
+    )
+    rows = Columns.of(some, selection)
     whole = set(rows.metric[rows.part == ""])
     rows = rows.where(np.array([p == "" or m not in whole for m, p in _names(rows)], bool))
     if not len(rows):

@@ -86,6 +86,23 @@ def sparse(style: dict[str, Any], points: int, about: int = 8) -> dict[str, Any]
     return {**style, "markevery": max(1, points // about)}
 
 
+MOST = 2000
+"""Times of a line above which the means over several are drawn."""
+
+
+def joining(number: int) -> int:
+    """How many of ``number`` consecutive times become one."""
+    return -(-number // MOST) or 1
+
+
+def thinned(values: Array, count: int) -> Array:
+    """Means (m,) over ``count`` consecutive ``values`` (n,) each, the last ones over the rest."""
+    if count == 1:
+        return values
+    starts = np.arange(0, len(values), count)
+    return np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
+
+
 def spans(time: Array, value: Array, step: float) -> list[tuple[float, float, int]]:
     """Runs of equal nonzero ``value`` (n,) over ``time`` (n,) [s]: start, stop and value.
 
