@@ -24,13 +24,13 @@ SUMMARY = "four targets that come close in the middle, among clutter; positions"
 class Params(points.Positions):
     """Scans and targets."""
 
-    steps: int = parameter(81, "1", "number of scans")
-    p_detect: float = parameter(0.9, "1", "probability that a target is detected")
-    clutter_rate: float = parameter(10.0, "1", "expected false alarms per scan")
+    steps: int = parameter(81, "1", "number of scans", within="[1, inf)")
+    p_detect: float = parameter(0.9, "1", "probability that a target is detected", within="[0, 1]")
+    clutter_rate: float = parameter(10.0, "1", "expected false alarms per scan", within="[0, inf)")
     clutter_region: tuple[float, float, float, float] = parameter(
         (0.0, 300.0, 0.0, 300.0), "m", "x_min, x_max, y_min, y_max of the false alarms"
     )
-    std_position: float = parameter(1.0, "m", "standard deviation of x and of y")
+    std_position: float = parameter(1.0, "m", "standard deviation of x and of y", within="[0, inf)")
     targets: int = parameter(4, "1", "number of targets", within="[0, inf)")
     centre: tuple[float, float] = parameter((150.0, 150.0), "m", "where they meet")
     spread: float = parameter(

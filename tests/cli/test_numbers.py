@@ -106,3 +106,17 @@ def test_every_parameter(capfd, tmp_path, group, name):
         if code not in (None, 0, 2, 4, 7, 75) or error.count("\n") != (code not in (0, None)):
             faults.append((key, value[:20], code, error[-300:]))
     assert not faults
+
+
+GROUPS = ("scenarios", "estimators", "metrics", "policies", "importers")
+ALL = [(g, n) for g in GROUPS for n in registry.names(f"echoset.{g}")]
+
+
+@pytest.mark.parametrize(("group", "name"), ALL)
+def test_what_stands_in_for_an_inherited_parameter_keeps_its_range(group, name):
+    params = getattr(registry.load(f"echoset.{group}", name), "Params", None)
+    own = dataclasses.fields(params) if params else ()
+    for field in own:
+        for base in filter(dataclasses.is_dataclass, params.__mro__[1:]):
+            inherited = {f.name: f.metadata.get("within") for f in dataclasses.fields(base)}
+            assert field.metadata.get("within") or not inherited.get(field.name), field.name
