@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..models.motion import constant_velocity
 from ..models.parameters import parameter
-from ..models.records import Array, Recording
+from ..models.records import Recording
 from . import points
-from .targets import objects, step_noise
+from .targets import from_middle, objects
 
 SUMMARY = "four targets that come close in the middle, among clutter; positions"
 
@@ -53,18 +52,8 @@ class Params(points.Positions):
 def simulate(params: Params, rng: np.random.Generator, name: str) -> Recording:
     """A recording of the scene with its truth, called ``name``."""
     n, count = params.steps, params.targets
-    F, _ = constant_velocity(params.dt)
-    middle = (n - 1) // 2
-    state = np.zeros((n, count, 4))
-    state[middle] = np.sqrt(params.spread) * rng.normal(size=(count, 4)) + (*params.centre, 0, 0)
-
-    def noise() -> Array:
-        return step_noise(params.dt, params.noise_density, count, rng)
-
-    for k in range(middle + 1, n):
-        state[k] = state[k - 1] @ F.T + noise()
-    for k in range(middle - 1, -1, -1):
-        state[k] = np.linalg.solve(F, (state[k + 1] - noise()).T).T
+    middle = np.sqrt(params.spread) * rng.normal(size=(count, 4)) + (*params.centre, 0, 0)
+    state = from_middle(middle, n, params.dt, params.noise_density, rng)
     first, last = np.ones(count), np.full(count, n)
     first[: len(params.first)] = params.first[:count]
     last[: len(params.last)] = params.last[:count]
