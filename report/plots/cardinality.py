@@ -8,6 +8,7 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array
+from .clock import time_axis
 from .columns import Columns, title
 from .panels import joining, legend, panels, sparse, thinned
 from .protocol import Inputs, Selection
@@ -56,8 +57,9 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     for of in dict.fromkeys(of for *_, std, of in lines if not np.isnan(std).all()):
         label = f"± standard deviation {of}"
         axes.fill(np.nan, np.nan, color="#999999", alpha=0.4, lw=0, label=label)
-    axes.set(xlabel="time [s]", ylabel="number of objects [1]")
+    axes.set_ylabel("number of objects [1]")
     axes.margins(x=0)
+    time_axis(axes, inputs)
     figure.suptitle(name + (f", means over {joined} times" if joined > 1 else ""))
     legend(figure, axes)
 

@@ -52,12 +52,20 @@ def legend(figure: Figure, *axes: Axes) -> None:
     found: dict[str, Any] = {}
     for a in axes:
         for handle, label in zip(*a.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, handle)
+            if not _is_nothing(handle):
+                found.setdefault(label, handle)
     if found:
         points = 72 * figure.get_size_inches()[0]
         columns = _fitting([42 + 4.3 * len(label) for label in found], points)
         handles = list(found.values())
         figure.legend(handles, list(found), loc="outside lower center", ncols=columns)
+
+
+def _is_nothing(handle: Any) -> bool:
+    """Whether a line goes nowhere."""
+    data = getattr(handle, "get_ydata", None)
+    values = np.asarray(data(), float) if data else np.zeros(1)
+    return len(values) > 0 and bool(np.isnan(values).all())
 
 
 def _fitting(entries: list[float], width: float) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from ...models.errors import InputError
 from ...models.records import Estimates
 from .blockages import shade
+from .clock import time_axis
 from .columns import Series, quantity, series, title
 from .panels import decades, joining, legend, panels, sparse, thinned
 from .protocol import Inputs, Selection
@@ -65,7 +66,7 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
             limits = a.get_xlim()
             shade([a], inputs.recording)
             a.set_xlim(limits)
-    last.set_xlabel("time [s]")
+    time_axis(last, inputs)
     note = f", over {joined} times each" if joined > 1 else ""
     figure.suptitle(title(pooled) + note)
     legend(figure, *axes)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array
+from .clock import time_axis
 from .columns import Columns, quantity, several, title
 from .panels import joining, legend, panels, thinned, widest
 from .protocol import Inputs, Selection
@@ -69,7 +70,7 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     for a, (metric, _, _) in zip(axes, cells, strict=True):
         a.set_ylim(0, 1.05 * highest[metric] or 1.0)
     for a in axes[-columns:]:
-        a.set_xlabel("time [s]")
+        time_axis(a, inputs)
     note = f", means over {joined} times" if joined > 1 else ""
     figure.suptitle(title(pooled) + note)
     legend(figure, *axes)
