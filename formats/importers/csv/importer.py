@@ -99,6 +99,7 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
             raise InputError("truth: align needs one stream of ranges")
         true, aligned = align(true, uwb_streams[0], sensors, mapping.truth["align"])
         _log.warning("%s: the truth was fitted to the ranges: %s", paths[0], _fitted(aligned))
+    plausible.doppler(paths[0], streams)
     if true is not None:
         plausible.overlap(paths[0], true, streams)
         plausible.against_ranges(paths[0], true, streams, sensors)

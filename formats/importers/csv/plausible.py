@@ -20,16 +20,20 @@ from ....models.records import Array, Sensor, Stream, Truth
 from .log import Log
 
 _log = logging.getLogger(__name__)
-_STEP = 0.5
+_STEP = 0.4
 """Deviation from the line between neighbours that is never told [m]."""
 _SIGMAS = 8.0
 """Standard deviations, by the median, from which on a deviation is told."""
 _SLACK = 0.5
 """What triangles and circles may miss [m]."""
+_APART = 0.3
+"""What the ranges of one anchor, or of one second, may differ from a truth more than all [m]."""
 _FEW = 0.02
 """Share of what may miss without being told."""
 _NEAR = 0.25
 """Time within which the ranges of several anchors speak of one place [s]."""
+_PAUSES = 1000
+"""Usual intervals in a pause from which on it is told, and a minute at least."""
 _LONG, _SHORT = 5.0, 5e-4
 """Intervals [s] between the ranges of one link, or scans, that no device has."""
 
@@ -49,6 +53,13 @@ def rows(table: Log, time: Array) -> None:
         own = np.flatnonzero(table.group == g)
         late[own] = time[own] < np.maximum.accumulate(time[own])
     _tell(table, late, "rows are earlier than one before them, and were sorted")
+    order = np.argsort(time, kind="stable")
+    steps = np.diff(time[order])
+    pause = np.zeros(len(table), bool)
+    if (steps > 0).any():
+        usual = float(np.median(steps[steps > 0]))
+        pause[order[1:]] = steps > max(_PAUSES * usual, 60e9)
+    _tell(table, pause, "rows follow a pause that is very long against the others")
 
 
 def links(table: Log, time: Array, link: Array, distance: Array) -> None:
@@ -61,6 +72,11 @@ def links(table: Log, time: Array, link: Array, distance: Array) -> None:
         jumps[own] = outliers(time[own] * 1e-9, distance[own][:, None])
         intervals.append(np.diff(np.unique(time[own])))
     _tell(table, jumps, "ranges jump: they are far from those before and after")
+    pair = np.stack([time, link]) if len(link) else np.zeros((2, 0), np.int64)
+    _, which, count = np.unique(pair, axis=1, return_inverse=True, return_counts=True)
+    several = (count[which.ravel()] > 1) & ~np.isnan(distance)
+    if 0 < several.sum() <= 0.1 * len(several):
+        _tell(table, several, "ranges share link and time with another")
     _interval(table, np.concatenate([np.zeros(0, np.int64), *intervals]), "ranges of a link")
 
 
@@ -121,7 +137,7 @@ def geometry(path: object, stream: Stream, sensors: Mapping[str, Sensor]) -> Non
         text = "%s: %d of %d pairs of ranges belong to no place: |a - b| or a + b contradicts the "
         text += "anchors' distance: check units, ids and anchors"
         _log.warning(text, path, missed, tried)
-    elif len(residuals) >= 5 and float(np.median(np.abs(residuals))) > _SLACK:
+    elif len(residuals) >= 5 and float(np.median(np.abs(residuals))) > _APART:
         text = (
             "%s: the ranges of %d times have no place in common, by %.2g m: check ids and anchors"
         )
@@ -161,6 +177,26 @@ def against_ranges(
             )
             text += "its frame, clock and units, or let 'align' find them"
             _log.warning(text, path, middle, spread)
+            continue
+        for one in np.unique(rx).tolist():
+            apart = float(np.median(off[rx == one])) - middle
+            if abs(apart) > _APART:
+                text = "%s: ranges of %s differ from those of the truth by %.2f m more than others"
+                _log.warning(text, path, stream.nodes[one], apart)
+        wrong = _contradicted(t, rx, np.abs(off - middle))
+        if wrong:
+            text = "%s: at %d s most ranges contradict the truth: check its rows there, from %.1f s"
+            _log.warning(text, path, len(wrong), wrong[0])
+
+
+def _contradicted(t: Array, rx: Array, off: Array) -> list[float]:
+    """Seconds in which ranges of three anchors and more are mostly off by more than usual."""
+    second = np.floor(t).astype(np.int64)
+    order = np.argsort(second, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(second[order])) + 1)
+    medians = [(second[p[0]], float(np.median(off[p]))) for p in parts if len(set(rx[p])) > 2]
+    usual = float(np.median([m for _, m in medians])) if medians else 0.0
+    return [float(s) for s, m in medians if m > max(_APART, 4 * usual)]
 
 
 def against_points(
@@ -176,7 +212,7 @@ def against_points(
         points = _points(stream)
         if points is None or not len(points):
             continue
-        near: list[float] = []
+        near: dict[int, list[float]] = {}
         usual = np.median(np.diff(o.time_ns)) if len(o.time_ns) > 1 else 0
         for k in np.unique(np.linspace(0, len(stream) - 1, 200).astype(int)).tolist():
             late = np.abs(at - stream.time_ns[k])
@@ -186,10 +222,51 @@ def against_points(
             cloud = points[stream.row_offset[k] : stream.row_offset[k + 1]] @ R[:2, :2].T + p[:2]
             if len(cloud) and own.any():
                 gap = np.linalg.norm(cloud[:, None] - place[own][None], axis=2).min(axis=0)
-                near += (gap / (10 + 0.1 * np.linalg.norm(place[own], axis=1))).tolist()
-        if len(near) >= 10 and np.median(near) > 1:
-            text = "%s: true objects have no points near them at most of %d times: check frame, "
-            _log.warning(text + "clock, units and axes", path, len(near))
+                gap /= 5 + 0.05 * np.linalg.norm(place[own] - p[:2], axis=1)
+                for label, one in zip(o.label[own].tolist(), gap.tolist(), strict=True):
+                    near.setdefault(label, []).append(one)
+        for label, gaps in near.items():
+            far = int(np.sum(np.array(gaps) > 1))
+            if len(gaps) >= 10 and far > 0.3 * len(gaps):
+                text = "%s: object %d has no points near it at %d of %d times: check frame, clock, "
+                _log.warning(text + "units and axes", path, label, far, len(gaps))
+
+
+def doppler(path: object, streams: Mapping[str, Stream]) -> None:
+    """Say whether Doppler contradicts how ranges change from a scan to the next.
+
+    The two nearest points of consecutive scans are taken as one target, which most are not among
+    clutter, so that only the typical ratio counts.
+    """
+    for name, stream in streams.items():
+        points = _points(stream)
+        if points is None or "doppler" not in stream.rows or len(stream) < 3:
+            continue
+        speed, found = stream.rows["doppler"], list[tuple[float, float]]()
+        for k in np.unique(np.linspace(0, len(stream) - 2, 400).astype(int)).tolist():
+            a, b, c = stream.row_offset[k : k + 3]
+            dt = (stream.time_ns[k + 1] - stream.time_ns[k]) * 1e-9
+            if a == b or b == c:
+                continue
+            gap = np.linalg.norm(points[a:b, None] - points[None, b:c], axis=2)
+            near = gap.argmin(axis=1)
+            mutual = gap.argmin(axis=0)[near] == np.arange(b - a)
+            rate = np.linalg.norm(points[b:c][near], axis=1) - np.linalg.norm(points[a:b], axis=1)
+            pairs = zip(rate[mutual] / dt, speed[a:b][mutual], strict=True)
+            found += [(float(r), float(s)) for r, s in pairs]
+        rates, speeds = np.array(found or [(0.0, 0.0)]).T
+        fast = np.abs(speeds) > max(np.median(np.abs(speeds)), 1e-9)
+        if fast.sum() < 20:
+            continue
+        ratio = float(np.median(rates[fast] / speeds[fast]))
+        if ratio < -0.3:
+            text = (
+                "%s: %s: Doppler has the sign of approaching: if positive is approaching, scale: -1"
+            )
+            _log.warning(text, path, name)
+        elif not 1 / 2.5 < ratio < 2.5:
+            text = "%s: %s: ranges change %.2g times as fast as Doppler says: check units"
+            _log.warning(text, path, name, ratio)
 
 
 def outliers(time: Array, values: Array) -> Array:
