@@ -14,7 +14,7 @@ from ...models.motion import constant_velocity, motion_noise
 from ...models.records import Array
 from ...models.uwb import device_position
 from .links import Links, Network
-from .params import Params
+from .params import Params, Ranges
 
 _log = logging.getLogger(__name__)
 
@@ -152,10 +152,11 @@ def belief(net: Network, params: Params) -> Belief:
         P[0, 0] = params.range_scale_std**2
         if params.range_bias_std > 0:
             P[1:, 1:] = params.range_bias_std**2 + params.range_bias_spread**2 * np.eye(J)
-    return Belief(_height(net, params), np.zeros(D), P)
+    return Belief(first_height(net, params), np.zeros(D), P)
 
 
-def _height(net: Network, params: Params) -> Height:
+def first_height(net: Network, params: Ranges) -> Height:
+    """What parameters and anchors say of the height before the first range."""
     told, std = params.device_height, params.device_height_std
     z = np.concatenate([s.position[:, 2] for s in net.sensors])
     low = min(0.0, float(z.min()))
