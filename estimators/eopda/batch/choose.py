@@ -103,12 +103,13 @@ def choose(
     for factor in FINER:
         before = search.best
         search.explain(params, may_learn_height)
+        # errors that stay for a while look like less noise to an evidence that takes them for
+        # white, so that noise is never less than told, and never walks less
         if "sigma" in wanted:
-            search.climb("sigma_factor", factor)
+            search.climb("sigma_factor", factor, down=False)
         if "acceleration" in wanted:
             search.climb("acceleration_std", factor**2)
         if "bias" in wanted and search.best.range_bias_std > 0:
-            # errors that stay are taken for noise where they may not walk; never for less
             search.climb("range_bias_walk", 2.0, down=False)
         if search.best == before:
             break

@@ -8,7 +8,7 @@ Hessian. Only direct ranges count: false ones are left to the tails of the noise
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,6 +22,7 @@ from ..state import Height, first_height
 from .choose import Explanation, choose, explanations
 from .fixes import fixes
 from .gather import Data, gather
+from .motion import Layout
 from .params import Params
 from .show import shown
 from .solution import Solution, problem_of, solution, starts
@@ -71,7 +72,7 @@ def estimate(
     if params.learn:
         head = data.head(params.learn_span, LEARNT)
         may = params.device_height is None and not net.has_heights
-        best, learnt = choose(params, lambda other: _evidence(net, head, other), may)
+        best, learnt = choose(params, _evidence(net, head), may)
         models = explanations(best, params, may)
         found |= learnt
     solutions = [solve(net, data, model.params) for model in models]
@@ -97,8 +98,8 @@ def _weights(solutions: list[Solution]) -> Array:
     return np.asarray(w / w.sum())
 
 
-def solve(net: Network, data: Data, params: Params) -> Solution:
-    """The trajectory of least cost.
+def solve(net: Network, data: Data, params: Params, near: Sequence[Solution] = ()) -> Solution:
+    """The trajectory of least cost; ``near`` are solutions for other parameters.
 
     Raises
     ------
@@ -110,10 +111,12 @@ def solve(net: Network, data: Data, params: Params) -> Solution:
     reach = float(np.linalg.norm(corners.max(0) - corners.min(0)) / 2 + data.z.max())
     height = first_height(net, params)
     problem = problem_of(data, params, height, centre, reach)
+    for other in near:
+        if other.problem.layout == problem.layout:
+            return Solution(problem, *problem.minimise(other.x))
     loose = params.range_bias_std + params.range_scale_std * float(np.median(data.z))
     path = fixes(data, _middle(height), loose, params.speed_std, centre, reach)
-    tried = [solution(problem, start) for start in starts(problem, path)]
-    best = min(tried, key=lambda one: one.cost)
+    best = solution(problem, starts(problem, path))
     if not (np.isfinite(best.cost) and np.isfinite(best.x).all()):
         raise EstimatorError(f"{net.name}: the estimate is not finite")
     return best
@@ -136,9 +139,16 @@ def _middle(height: Height) -> float:
     return height.mean if np.isfinite(height.std) else (height.low + height.high) / 2
 
 
-def _evidence(net: Network, data: Data, params: Params) -> float:
-    try:
-        best = solve(net, data, params)
-        return best.problem.evidence(best.x, best.cost)
-    except (EstimatorError, np.linalg.LinAlgError):
-        return -np.inf
+def _evidence(net: Network, data: Data) -> Callable[[Params], float]:
+    """The evidence [nats] of parameters; trajectories are found from those for others."""
+    near: dict[Layout, Solution] = {}
+
+    def evidence(params: Params) -> float:
+        try:
+            best = solve(net, data, params, list(near.values()))
+            near[best.problem.layout] = best
+            return best.problem.evidence(best.x, best.cost)
+        except (EstimatorError, np.linalg.LinAlgError):
+            return -np.inf
+
+    return evidence

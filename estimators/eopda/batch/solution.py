@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,10 @@ from .problem import Problem
 
 WIDEN = (8.0, 3.0)
 """Factors of the standard deviations in the first minimisations."""
+EARLY = 15
+"""Steps of these at most."""
+FOLLOWED = 2
+"""Starts that are followed to the end."""
 ALONG = 60
 """Times over which the way of odometry is laid beside the fixes."""
 HEADINGS = 8
@@ -39,12 +44,19 @@ def problem_of(data: Data, params: Params, height: Height, centre: Array, reach:
     return Problem(data, params, motion, height.mean)
 
 
-def solution(problem: Problem, start: Array) -> Solution:
-    """The minimum that is reached from ``start`` (n, d)."""
-    x = start
-    for widen in WIDEN:
-        x, _ = problem.minimise(x, widen, 15)
-    return Solution(problem, *problem.minimise(x))
+def solution(problem: Problem, starts: Sequence[Array]) -> Solution:
+    """The least of the minima that are reached from ``starts`` (n, d).
+
+    With wide noise a minimum is reached from far; the best of those are followed.
+    """
+    first, *others = WIDEN
+    wide = sorted((problem.minimise(x, first, EARLY) for x in starts), key=lambda one: one[1])
+    found = []
+    for x, _ in wide[:FOLLOWED]:
+        for widen in others:
+            x, _ = problem.minimise(x, widen, EARLY)
+        found.append(Solution(problem, *problem.minimise(x)))
+    return min(found, key=lambda one: one.cost)
 
 
 def starts(problem: Problem, path: Fixes) -> list[Array]:
