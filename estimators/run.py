@@ -9,10 +9,8 @@ from itertools import count
 from time import perf_counter
 from typing import Any
 
-from numpy.linalg import LinAlgError
-
 from ..models.checks import check_objects, check_steps
-from ..models.errors import EstimatorError, FormatError, InputError, is_out_of_range
+from ..models.errors import EstimatorError, FormatError, InputError, in_range
 from ..models.parameters import Layer, as_dict, resolve, sensor_model
 from ..models.random import generator
 from ..models.records import Estimates, Recording, Scan
@@ -99,12 +97,9 @@ class EstimatorRun:
         steps = self.asked.module.estimate(self.setup, seen, self.params, rng)
         for number in count(1):
             start = now()
-            try:
+            place = f"{self.label}: step {number}"
+            with in_range(EstimatorError, place):
                 step = next(steps, None)
-            except (ArithmeticError, ValueError) as error:
-                if not (isinstance(error, LinAlgError) or is_out_of_range(error)):
-                    raise
-                raise EstimatorError(f"{self.label}: step {number}: {error}") from error
             seconds = now() - start
             if step is None:
                 break
@@ -113,7 +108,7 @@ class EstimatorRun:
                 check_steps(step.steps, len(step.objects.time_ns))
             except FormatError as error:
                 reason = f"{error.where} {error.reason}"
-                raise EstimatorError(f"{self.label}: step {number}: {reason}") from error
+                raise EstimatorError(f"{place}: {reason}") from error
             self.found.update(step.meta.provenance.get("found", {}))
             yield step, seconds
         deque(scans, maxlen=0)

@@ -6,14 +6,12 @@ References stand in :mod:`echoset.estimators.points.mbm`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from ...models.parameters import parameter
 from ...models.records import Array
-from ...models.regions import polygons
-from .clutter_map import Maps
+from .context import FilterParams
 from .cuts import Cut
 from .edge import detection_probability, unseen
 from .kernels import births
@@ -34,13 +32,13 @@ from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
 from .sensing import Look, SensorParams, innovations, log_likelihood, positions, updated
-from .source import Classes
-from .targets import Interval, TargetParams, elapse, limit, newborn
+from .targets import Interval, elapse, limit, newborn
+from .times import Memory
 
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(TargetParams, SensorParams):
+class Params(FilterParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     TITLE = "mixture"
@@ -126,25 +124,14 @@ class Params(TargetParams, SensorParams):
         within="[0, inf)",
     )
 
-    regions: Any = parameter(
-        {}, "m", "regions to count targets in: name to x_min, x_max, y_min, y_max or to corners"
-    )
-
-    def __post_init__(self) -> None:
-        SensorParams.__post_init__(self)
-        TargetParams.__post_init__(self)
-        polygons(self.regions)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
     """The reduced mixture after the scans at ``time_ns`` (None: before any).
 
     ``undetected`` are targets no detection has told of, ``waiting`` what appeared at the last
-    detections and enters with the next prediction; ``next_label`` is free. ``maps`` of persistent
-    clutter are those of the streams, ``classes`` those of the targets; ``cut`` is the expected
-    number of targets that limits left out this time, and ``detections`` how many a scan has had
-    lately.
+    detections and enters with the next prediction; ``next_label`` is free, ``memory`` what is known
+    beside; ``cut`` is the expected number of targets that limits left out this time.
     """
 
     mixture: Mixture
@@ -152,10 +139,8 @@ class State:
     waiting: births.Components
     next_label: int
     time_ns: int | None
-    maps: Maps = field(default_factory=dict)
-    classes: Classes = field(default_factory=dict)
+    memory: Memory = field(default_factory=Memory)
     cut: Cut = field(default_factory=dict)
-    detections: int = 0
 
 
 def init() -> State:

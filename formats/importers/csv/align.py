@@ -19,9 +19,10 @@ import numpy as np
 
 from ....models.columns import ACTIVE
 from ....models.errors import InputError
+from ....models.poses import FITS, Placement
 from ....models.records import Array, Sensor, Stream, Truth
 
-MODES = ("", "rigid", "time", "both")
+MODES = ("", *FITS)
 _SHIFT = 10.0
 """Largest delay that is looked for [s]."""
 _SOFT = 0.1
@@ -84,27 +85,18 @@ def align(
         kept = np.abs(r) <= 4 * 1.4826 * np.median(np.abs(r))
         fit = least_squares(lambda v, kept=kept: residuals(v)[kept], fit.x, x_scale="jac")
     theta, x, y, delay, offset, height = _full(fit.x, free)
-    c, s = np.cos(theta), np.sin(theta)
-    state = o.state.copy()
-    for names, moved in ((("device_x", "device_y"), 1), (("x", "y"), 1), (("vx", "vy"), 0)):
-        if names[0] in o.state_names:
-            i, j = (o.state_names.index(name) for name in names)
-            a, b = o.state[:, i], o.state[:, j]
-            state[:, i], state[:, j] = c * a - s * b + moved * x, s * a + c * b + moved * y
+    placement = Placement(*map(float, (theta, x, y, delay)))
     found = {
         "mode": mode,
         "fitted": int(free.sum()),
         "ranges": int(kept.sum()),
         "left_out": int((~kept).sum()),
-        "rotation": float((theta + np.pi) % (2 * np.pi) - np.pi),
-        "translation": [float(x), float(y)],
-        "delay": float(delay),
+        **placement.told,
         "range_offset": float(offset),
         "height": float(abs(height)),
         "median_residual": float(np.median(np.abs(residuals(fit.x)))),
     }
-    ours = replace(o, time_ns=o.time_ns + round(delay * 1e9), state=state)
-    return replace(truth, objects=ours), found
+    return replace(truth, objects=placement.of(o)), found
 
 
 def _full(values: Array, free: Array) -> Array:

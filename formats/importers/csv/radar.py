@@ -26,6 +26,10 @@ def radar(
         str(name): sensor(pose, "radar", F, S, tables, f"sensors.{name}")
         for name, pose in mapping.sensors.items()
     }
+    moved = any(p.position.any() or p.quaternion[:, :3].any() for p in sensors.values())
+    if "lat" in table and (moved or mapping.sensor_frame):
+        reason = "detections at lat lon are places: sensors stand at [0, 0], without sensor_frame"
+        raise ParameterError(f"mapping: {reason}")
     names = tuple(sensors)
     parts = [table]
     if mapping.scans is not None:

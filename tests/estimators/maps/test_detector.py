@@ -141,8 +141,8 @@ def test_the_step_is_a_pure_function(module, scene, network):
         results = [points.step(state, first(scene), context)[0] for _ in range(2)]
     a, b = (getattr(r.mixture, "local", r.mixture) for r in results)
     np.testing.assert_array_equal(a.m, b.m)
-    assert state.next_label == 0 and not state.classes
-    assert results[0].classes.keys() == results[1].classes.keys() != set()
+    assert state.next_label == 0 and not state.memory.classes
+    assert results[0].memory.classes.keys() == results[1].memory.classes.keys() != set()
 
 
 @FILTERS
