@@ -10,74 +10,42 @@ scan's associations only the marginals are kept, so that cost is linear in what 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from itertools import groupby
+from dataclasses import replace
 
 import numpy as np
 
 from ...models.records import Array, Estimates, Objects, Recording, Scan
-from ...models.regions import mass, polygons
-from .clutter_map import learnt, persistent
-from .cuts import Told
+from ...models.regions import mass
+from .context import Context
 from .pmb_filter import Params, State, Tracks, init, predict, update
-from .sensing import at_once, count, looks
-from .source import Nothing, Source, recognised
-from .streams import per_stream
-from .targets import settled, within
-
-NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Context:
-    """What stays: the recording's setup, parameters (in all and by stream), corners of regions.
-
-    ``source`` makes detections of scans that hold none.
-    """
-
-    setup: Recording
-    params: Params
-    sensing: Mapping[str, Params]
-    regions: Mapping[str, Array]
-    source: Source
-
-    @staticmethod
-    def of(setup: Recording, params: Params, source: Source | None = None) -> Context:
-        """The context of a recording."""
-        params = settled(params, setup)
-        sensing = per_stream(params, setup)
-        return Context(setup, params, sensing, polygons(params.regions), source or Nothing())
-
-
-def step(state: State, scans: Iterable[Scan], context: Context) -> State:
-    """The state after the ``scans`` of one time, taken one after the other.
-
-    Raises
-    ------
-    InputError : the noise of detections or the place of clutter is not known; scans out of order
-    """
-    params, together, source = context.params, at_once(scans), context.source
-    followed = shown(state.tracks, params)
-    state, gone = predict(state, params, together[0].time_ns)
-    where = (followed.m @ gone.F.T)[:, :2]
-    sight = source.see(together, followed.label, where, state.classes)
-    for scan, seen in looks(
-        together, sight, context.setup, context.sensing, source.region, within(params)
-    ):
-        own = context.sensing[scan.stream]
-        clutter = seen.clutter + persistent(state.maps, scan.stream, seen, own)
-        state = update(state, replace(seen, clutter=clutter), params, own)
-        state = replace(state, maps=learnt(state.maps, scan, seen, own))
-    followed = shown(state.tracks, params)
-    classes = recognised(
-        sight, followed.label, followed.m[:, :2], state.tracks.label, state.classes
-    )
-    return replace(state, classes=classes)
+from .sensing import at_once
+from .targets import NAMES, UNITS, Interval
+from .times import observe, remember, through
 
 
 def shown(tracks: Tracks, params: Params) -> Tracks:
     """Those that exist with ``extract_existence``."""
     return tracks.take(np.flatnonzero(tracks.r >= params.extract_existence))
+
+
+def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple[State, Interval]:
+    """The state after the ``scans`` of one time, taken one after the other, and the time before.
+
+    Raises
+    ------
+    InputError : the noise of detections or the place of clutter is not known; scans out of order
+    """
+    params, together = context.params, at_once(scans)
+    before = shown(state.tracks, params)
+    state, gone = predict(state, params, together[0].time_ns)
+    where = (before.m @ gone.F.T)[:, :2]
+    moment = observe(context, together, state.memory, before.label, where)
+    for seen, own in moment.looks:
+        state = update(state, seen, params, own)
+    after = shown(state.tracks, params)
+    where, alive = after.m[:, :2], state.tracks.label
+    memory = remember(state.memory, moment, 0, after.label, where, alive)
+    return replace(state, memory=memory), gone
 
 
 def estimate(
@@ -87,21 +55,18 @@ def estimate(
     return run(Context.of(setup, params), scans)
 
 
-def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
+def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
     """Yield the targets after each time, and how many there are in all and in the regions.
 
     Raises
     ------
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     """
-    params, told = context.params, Told()
-    state = init(params)
-    for time_ns, group in groupby(context.source.used(scans), key=lambda scan: scan.time_ns):
-        together = list(group)
-        state = step(state, together, context)
-        told.warn(state.cut, time_ns, count(together))
-        found = objects(time_ns, shown(state.tracks, params))
-        found = context.source.named(found, state.classes)
+    params = context.params
+    for state, _ in through(context, scans, init(params), step):
+        assert state.time_ns is not None
+        found = objects(state.time_ns, shown(state.tracks, params))
+        found = context.source.named(found, state.memory.classes)
         yield Estimates(context.setup.meta, found, numbers(state.tracks, context.regions))
 
 

@@ -6,16 +6,14 @@ References stand in :mod:`echoset.estimators.points.pmb`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from ...models.errors import InputError
 from ...models.parameters import parameter
 from ...models.records import Array
-from ...models.regions import polygons
 from .backlog import Backlog
-from .clutter_map import Maps
+from .context import FilterParams
 from .cuts import Cut
 from .edge import detection_probability, unseen
 from .kernels import births
@@ -25,8 +23,8 @@ from .kernels.compiled.pairs import matched
 from .kernels.gaussians import strongest
 from .pairs import Pairs, near
 from .sensing import UNKNOWN, Look, SensorParams, positions
-from .source import Classes
-from .targets import Interval, TargetParams, elapse, newborn
+from .targets import Interval, elapse, newborn
+from .times import Memory
 
 SURE = 1e-6
 """Least probability of a miss, so that detections are not sure but compared."""
@@ -39,7 +37,7 @@ MERGED = 0.5
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(TargetParams, SensorParams):
+class Params(FilterParams):
     """Sensors, targets, and which of them are kept and shown."""
 
     TITLE = "filter"
@@ -59,14 +57,6 @@ class Params(TargetParams, SensorParams):
     extract_existence: float = parameter(
         0.5, "1", "least existence of what is extracted", within="[0, 1)"
     )
-    regions: Any = parameter(
-        {}, "m", "regions to count targets in: name to x_min, x_max, y_min, y_max or to corners"
-    )
-
-    def __post_init__(self) -> None:
-        SensorParams.__post_init__(self)
-        TargetParams.__post_init__(self)
-        polygons(self.regions)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,8 +81,8 @@ class State:
     """What is known after the scans at ``time_ns`` (None: before any).
 
     Targets that were detected are ``tracks``; of the others, ``undetected`` are components and
-    ``backlog`` what may be anywhere. ``next_label`` is free. ``maps`` of persistent clutter are
-    those of the streams, ``classes`` those of the targets, ``cut`` what limits left out.
+    ``backlog`` what may be anywhere. ``next_label`` is free, ``memory`` what is known beside, and
+    ``cut`` what limits left out.
     """
 
     tracks: Tracks
@@ -100,8 +90,7 @@ class State:
     backlog: Backlog
     next_label: int
     time_ns: int | None
-    maps: Maps = field(default_factory=dict)
-    classes: Classes = field(default_factory=dict)
+    memory: Memory = field(default_factory=Memory)
     cut: Cut = field(default_factory=dict)
 
 

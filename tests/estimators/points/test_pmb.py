@@ -47,7 +47,7 @@ def states(recording, params):
     context = pmb.Context.of(recording.setup(), params)
     state = pmb.init(context.params)
     for scan in recording.scans():
-        state = pmb.step(state, [scan], context)
+        state, _ = pmb.step(state, [scan], context)
         yield state
 
 
@@ -174,7 +174,7 @@ def test_one_target_without_clutter_is_the_kalman_filter(make_recording):
     context = pmb.Context.of(make_recording(Z).setup(), params)
     state = pmb.init(params)
     for k, scan in enumerate(make_recording(Z).scans()):
-        state = pmb.step(state, [scan], context)
+        state, _ = pmb.step(state, [scan], context)
         context = replace(context, params=later, sensing={"radar": later})
         if k:
             m, P = F @ m, F @ P @ F.T + 0.25 * G @ G.T
