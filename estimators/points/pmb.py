@@ -9,23 +9,25 @@ scan's associations only the marginals are kept, so that cost is linear in what 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from ...models.records import Array, Estimates, Objects, Recording, Scan
 from ...models.regions import mass
+from ..kernels.passes import smoothed
 from .context import Context
 from .pmb_filter import Params, State, Tracks, init, predict, update
 from .sensing import at_once
 from .targets import NAMES, UNITS, Interval
 from .times import observe, remember, through
+from .trails import Trail, back
 
 
-def shown(tracks: Tracks, params: Params) -> Tracks:
-    """Those that exist with ``extract_existence``."""
-    return tracks.take(np.flatnonzero(tracks.r >= params.extract_existence))
+def shown(tracks: Tracks, least: float) -> Tracks:
+    """Those that exist with ``least``."""
+    return tracks.take(np.flatnonzero(tracks.r >= least))
 
 
 def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple[State, Interval]:
@@ -36,13 +38,13 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     """
     params, together = context.params, at_once(scans)
-    before = shown(state.tracks, params)
+    before = shown(state.tracks, params.extract_existence)
     state, gone = predict(state, params, together[0].time_ns)
     where = (before.m @ gone.F.T)[:, :2]
     moment = observe(context, together, state.memory, before.label, where)
     for seen, own in moment.looks:
         state = update(state, seen, params, own)
-    after = shown(state.tracks, params)
+    after = shown(state.tracks, params.extract_existence)
     where, alive = after.m[:, :2], state.tracks.label
     memory = remember(state.memory, moment, 0, after.label, where, alive)
     return replace(state, memory=memory), gone
@@ -56,18 +58,36 @@ def estimate(
 
 
 def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
-    """Yield the targets after each time, and how many there are in all and in the regions.
+    """Yield the targets at each time, smoothed or not, and how many are known in all and regions.
 
     Raises
     ------
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     """
+    return smoothed(forward(context, scans), backward(context), context.params.wait)
+
+
+def forward(context: Context[Params], scans: Iterable[Scan]) -> Iterator[tuple[Estimates, Trail]]:
+    """The filter's estimates, and all that it knows of each time."""
     params = context.params
-    for state, _ in through(context, scans, init(params), step):
-        assert state.time_ns is not None
-        found = objects(state.time_ns, shown(state.tracks, params))
-        found = context.source.named(found, state.memory.classes)
-        yield Estimates(context.setup.meta, found, numbers(state.tracks, context.regions))
+    for state, gone in through(context, scans, init(params), step):
+        a, time_ns, classes = state.tracks, state.time_ns, state.memory.classes
+        assert time_ns is not None
+        found = context.source.named(objects(time_ns, shown(a, params.extract_existence)), classes)
+        estimates = Estimates(context.setup.meta, found, numbers(a, context.regions))
+        yield estimates, Trail(time_ns, a.label, a.r, a.m, a.P, gone.F, gone.Q, classes)
+
+
+def backward(context: Context[Params]) -> Callable[[Trail | None, Trail], tuple[Trail, Objects]]:
+    """The way back from time to time."""
+
+    def step(later: Trail | None, now: Trail) -> tuple[Trail, Objects]:
+        x = back(later, now)
+        tracks = Tracks(x.label, x.r, x.m, x.P)
+        found = objects(x.time_ns, shown(tracks, context.params.extract_smoothed))
+        return x, context.source.named(found, x.classes)
+
+    return step
 
 
 def objects(time_ns: int, tracks: Tracks) -> Objects:

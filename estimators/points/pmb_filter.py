@@ -12,6 +12,7 @@ import numpy as np
 from ...models.errors import InputError
 from ...models.parameters import parameter
 from ...models.records import Array
+from ..kernels.passes import SmoothParams
 from .backlog import Backlog
 from .context import FilterParams
 from .cuts import Cut
@@ -37,7 +38,7 @@ MERGED = 0.5
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(FilterParams):
+class Params(SmoothParams, FilterParams):
     """Sensors, targets, and which of them are kept and shown."""
 
     TITLE = "filter"
@@ -57,6 +58,17 @@ class Params(FilterParams):
     extract_existence: float = parameter(
         0.5, "1", "least existence of what is extracted", within="[0, 1)"
     )
+    extract_smoothed: float = parameter(
+        0.95,
+        "1",
+        "smoothed: least existence, then or later, of what is extracted; more than for a filter, "
+        "since it is the largest of many",
+        within="[0, 1)",
+    )
+
+    def __post_init__(self) -> None:
+        FilterParams.__post_init__(self)
+        SmoothParams.__post_init__(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
