@@ -40,6 +40,12 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.target)
 
+    def take(self, index: Array) -> Pairs:
+        """The pairs ``index``."""
+        a = self
+        rest = a.log_l[index], a.z_hat[index], a.C[index], a.S[index]
+        return Pairs(a.target[index], a.detection[index], *rest, a.cut)
+
     def updated(self, look: Look, m: Array, P: Array) -> tuple[Array, Array]:
         """Means (k, dx) and covariances of the targets m, P given the detections of the pairs."""
         K, P = gaussians.gain(P[self.target], self.C, self.S)
@@ -56,11 +62,11 @@ def near(look: Look, m: Array, P: Array, unscented: bool, gate: float) -> Pairs:
         return _at_own_times(look, m, P, unscented, gate)
     z_hat, C, S = expected(look, m, P, unscented)
     target, detection, cut = _candidates(look, z_hat, S, gate)
-    S = S[target] + (look.R if len(look.R) == 1 else look.R[detection])
-    log_l = log_likelihood(look.z[detection], z_hat[target], S, look.period, gate)
+    log_l = log_likelihood(look.z, z_hat, S, look.R, look.period, target, detection, gate)
     kept = np.flatnonzero(log_l > -np.inf)
-    target = target[kept]
-    return Pairs(target, detection[kept], log_l[kept], z_hat[target], C[target], S[kept], cut)
+    target, detection = target[kept], detection[kept]
+    S = S[target] + (look.R if len(look.R) == 1 else look.R[detection])
+    return Pairs(target, detection, log_l[kept], z_hat[target], C[target], S, cut)
 
 
 def _candidates(look: Look, z_hat: Array, S: Array, gate: float) -> tuple[Array, Array, int]:
@@ -80,7 +86,7 @@ def _candidates(look: Look, z_hat: Array, S: Array, gate: float) -> tuple[Array,
             distance, found = tree.query(place, k=np.arange(1, k + 1))
             target, column = np.nonzero(distance <= reach[:, None])
             return target, found[target, column], int(count.sum() - len(target))
-    lists = tree.query_ball_point(place, reach, return_sorted=True)
+    lists = tree.query_ball_point(place, reach, return_sorted=False)
     count = np.fromiter(map(len, lists), np.int64, T)
     detection = np.fromiter(chain.from_iterable(lists), np.int64, int(count.sum()))
     return np.repeat(np.arange(T), count), detection, 0
@@ -107,17 +113,17 @@ def _reach(look: Look, z_hat: Array, S: Array, gate: float) -> Array:
 
 def _at_own_times(look: Look, m: Array, P: Array, unscented: bool, gate: float) -> Pairs:
     found = []
+    every, one = np.arange(len(m)), np.zeros(len(m), np.int64)
     for i, part in enumerate(look.parts):
         moved = part.F @ P
         P_then = moved @ part.F.T + part.Q
         z_hat, C, S = expected(part.look, m @ part.F.T, P_then, unscented)
-        S = S + part.look.R[0]
-        z = np.broadcast_to(part.look.z, z_hat.shape)
-        log_l = log_likelihood(z, z_hat, S, look.period, gate)
+        z, R = part.look.z, part.look.R
+        log_l = log_likelihood(z, z_hat, S, R, look.period, every, one, gate)
         j = np.flatnonzero(log_l > -np.inf)
         # With H as the regression on the state then: the covariance of the state now.
         C = moved[j].swapaxes(1, 2) @ np.linalg.solve(P_then[j], C[j])
-        found.append((j, np.full(len(j), i), log_l[j], z_hat[j], C, S[j]))
+        found.append((j, np.full(len(j), i), log_l[j], z_hat[j], C, S[j] + R[0]))
     target, *others = (np.concatenate(column) for column in zip(*found, strict=True))
     order = np.argsort(target, kind="stable")
     detection, log_l, z_hat, C, S = (column[order] for column in others)

@@ -18,7 +18,7 @@ from ...models.records import Array, Estimates, Objects, Recording, Scan
 from ...models.regions import mass
 from ..kernels.passes import smoothed
 from .context import Context
-from .pmb_filter import Params, State, Tracks, init, predict, update
+from .pmb_filter import Params, State, Tracks, init, predict, reduce, update
 from .sensing import at_once
 from .targets import NAMES, UNITS, Interval
 from .times import observe, remember, through
@@ -42,11 +42,13 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
     state, gone = predict(state, params, together[0].time_ns)
     where = (before.m @ gone.F.T)[:, :2]
     moment = observe(context, together, state.memory, before.label, where)
+    n = max(len(seen.z) for seen, _ in moment.looks)
     for seen, own in moment.looks:
         state = update(state, seen, params, own)
+        state = reduce(state, params, max(n, state.memory.crowd))
     after = shown(state.tracks, params.extract_existence)
     where, alive = after.m[:, :2], state.tracks.label
-    memory = remember(state.memory, moment, 0, after.label, where, alive)
+    memory = remember(state.memory, moment, n, after.label, where, alive)
     return replace(state, memory=memory), gone
 
 

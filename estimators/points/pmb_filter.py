@@ -21,7 +21,7 @@ from .kernels import births
 from .kernels.compiled import gaussians
 from .kernels.compiled.association import marginals
 from .kernels.compiled.pairs import matched
-from .kernels.gaussians import strongest
+from .kernels.gaussians import falling, strongest
 from .pairs import Pairs, near
 from .sensing import UNKNOWN, Look, SensorParams, positions
 from .targets import Interval, elapse, newborn
@@ -31,6 +31,8 @@ SURE = 1e-6
 """Least probability of a miss, so that detections are not sure but compared."""
 FREE = 1e-9
 """Least density of clutter and of first detections beside the likeliest target's, likewise."""
+FAINT = 1e-3
+"""Odds of a pair, below which it is no pair."""
 TINY = 1e-300
 MERGED = 0.5
 """Squared distance within which components of undetected targets become one."""
@@ -50,7 +52,14 @@ class Params(SmoothParams, FilterParams):
         within="[0, inf)",
     )
     gate: float = parameter(
-        20.0, "1", "squared Mahalanobis distance of a detection from its gate", within="(0, inf)"
+        14.0, "1", "squared Mahalanobis distance of a detection from its gate", within="(0, inf)"
+    )
+    max_tracks: int | None = parameter(
+        None,
+        "1",
+        "targets kept, those that are likeliest to explain a detection; null: two for each "
+        "detection of a scan, at least 100",
+        within="[1, inf)",
     )
     min_existence: float = parameter(
         1e-4, "1", "targets that exist less likely are dropped", within="(0, 1)"
@@ -151,12 +160,14 @@ def update(state: State, seen: Look, params: Params, own: SensorParams) -> State
     pairs = near(seen, a.m, a.P, own.unscented, params.gate)
     t, z = pairs.target, pairs.detection
     p, m_missed, P_missed = unseen(seen, a.m, a.P, np.ones(len(a)), own.fov_mass)
-    m_hit, P_hit = pairs.updated(seen, a.m, a.P)
-    found = _found(seen, own, p, pairs, m_hit, P_hit)
-    density = a.r[t] * found * np.exp(pairs.log_l)
     free = np.maximum(seen.clutter + first, TINY)
-    np.maximum.at(free, z, FREE * density)
     miss = np.maximum(1 - a.r * p, SURE)
+    most = a.r * seen.p_detect / miss
+    pairs = pairs.take(np.flatnonzero(most[t] * np.exp(pairs.log_l) >= FAINT * free[z]))
+    t, z = pairs.target, pairs.detection
+    m_hit, P_hit = pairs.updated(seen, a.m, a.P)
+    density = a.r[t] * _found(seen, own, p, pairs, m_hit, P_hit) * np.exp(pairs.log_l)
+    np.maximum.at(free, z, FREE * density)
     hit, none = marginals(t, z, density / (miss[t] * free[z]), len(a), len(free))
     still = none * a.r * (1 - p) / miss
     r, m, P = matched(
@@ -181,6 +192,20 @@ def update(state: State, seen: Look, params: Params, own: SensorParams) -> State
     if pairs.cut:
         cut["pairs"] = cut.get("pairs", 0.0) + pairs.cut
     return replace(state, tracks=tracks, next_label=state.next_label + len(some), cut=cut)
+
+
+def reduce(state: State, params: Params, detections: int) -> State:
+    """The state with ``max_tracks``, or as many as so many ``detections`` at once allow."""
+    a = state.tracks
+    most = max(100, 2 * detections) if params.max_tracks is None else params.max_tracks
+    if len(a) <= most:
+        return state
+    # The odds of a detection where the target is expected.
+    promise = a.r / np.sqrt(a.P[:, 0, 0] * a.P[:, 1, 1] - a.P[:, 0, 1] ** 2)
+    kept = np.sort(falling(promise, a.m)[:most])
+    lost = float(a.r.sum() - a.r[kept].sum())
+    cut = {**state.cut, "max_tracks": state.cut.get("max_tracks", 0.0) + lost}
+    return replace(state, tracks=a.take(kept), cut=cut)
 
 
 def _found(seen: Look, own: SensorParams, p: Array, pairs: Pairs, m: Array, P: Array) -> Array:

@@ -12,15 +12,21 @@ from ....models.records import Array
 from .gaussians import innovation
 
 
-def log_likelihood(z: Array, z_hat: Array, S: Array, period: Array, gate: float) -> Array:
-    """Log densities (k,) of detections z (k, dz) under N(z_hat, S), one Gaussian each.
+def log_likelihood(
+    z: Array, z_hat: Array, S: Array, R: Array, period: Array, target: Array, detection: Array,
+    gate: float,
+) -> Array:  # fmt: skip
+    """Log densities (k,) of the pairs ``target`` (k,), ``detection`` (k,).
 
-    Those whose squared Mahalanobis distance exceeds ``gate`` get -inf.
+    Detections z (n, dz) have the noise R, (1, dz, dz) or (n, dz, dz), and are expected at z_hat
+    (T, dz) with covariances S without it. Those whose squared Mahalanobis distance exceeds ``gate``
+    get -inf.
     """
-    if not len(z):
+    if not len(target):
         return np.zeros(0)
-    L = np.linalg.cholesky(S)
-    e = np.linalg.solve(L, innovation(z, z_hat, period)[..., None])[..., 0]
+    L = np.linalg.cholesky(S[target] + (R if len(R) == 1 else R[detection]))
+    v = innovation(z[detection], z_hat[target], period)
+    e = np.linalg.solve(L, v[..., None])[..., 0]
     d2 = (e**2).sum(-1)
     log_det = 2 * np.log(np.diagonal(L, axis1=-2, axis2=-1)).sum(-1)
     log_l = -0.5 * (d2 + log_det + z.shape[1] * np.log(2 * np.pi))

@@ -47,11 +47,14 @@ def scene(rng, kind, T=40, n=60):
 
 def test_twins_are_equal():
     rng = np.random.default_rng(1)
-    k = 50
-    args = rng.normal(size=(k, 2)) * 4, rng.normal(size=(k, 2)), covariances(rng, k, 2, 2), PERIOD
-    for gate in (4.0, 1e9):
-        a, b = (f.log_likelihood(*args, gate) for f in (definition, compiled))
-        np.testing.assert_allclose(a, b, rtol=1e-12)
+    k, t, z = 50, np.sort(rng.integers(0, 8, 50)), rng.integers(0, 9, 50)
+    for n in (1, 9):
+        R = covariances(rng, n, 2, 2)
+        place = rng.normal(size=(9, 2)) * 4, rng.normal(size=(8, 2)), covariances(rng, 8, 2, 2)
+        for gate in (4.0, 1e9):
+            args = (*place, R, PERIOD, t, z, gate)
+            a, b = (f.log_likelihood(*args) for f in (definition, compiled))
+            np.testing.assert_allclose(a, b, rtol=1e-12)
     group = rng.integers(0, 7, k)
     group[group == 3] = 4
     args = group, rng.random(k), rng.normal(size=(k, 4)), covariances(rng, k, 4, 4), 7
@@ -69,10 +72,11 @@ def test_twins_are_equal():
 
 def test_densities_and_moments_are_those_of_scipy():
     rng = np.random.default_rng(2)
-    z, z_hat, S = rng.normal(size=(9, 2)), rng.normal(size=(9, 2)), covariances(rng, 9, 2, 2)
-    found = definition.log_likelihood(z, z_hat, S, np.zeros(2), 1e9)
+    z, z_hat, S = rng.normal(size=(9, 2)), rng.normal(size=(4, 2)), covariances(rng, 4, 2, 2)
+    R, t = covariances(rng, 9, 2, 2), np.arange(9) % 4
+    found = definition.log_likelihood(z, z_hat, S, R, np.zeros(2), t, np.arange(9), 1e9)
     law = stats.multivariate_normal
-    expected = [law.logpdf(a, b, C) for a, b, C in zip(z, z_hat, S, strict=True)]
+    expected = [law.logpdf(z[i], z_hat[t[i]], S[t[i]] + R[i]) for i in range(9)]
     np.testing.assert_allclose(found, expected, rtol=1e-12)
     w, m, P = np.array([0.3, 0.9]), rng.normal(size=(2, 4)), covariances(rng, 2, 4, 4)
     total, mean, spread = (a[0] for a in definition.matched(np.zeros(2, int), w, m, P, 1))
@@ -91,6 +95,7 @@ def test_pairs_are_all_that_a_comparison_of_all_with_all_finds(kind, unscented, 
         log_l = log_likelihood(seen, z_hat, S, gate)
         target, detection = np.nonzero(log_l > -np.inf)
         found = pairs.near(seen, m, P, unscented, gate)
+        found = found.take(np.lexsort((found.detection, found.target)))
         np.testing.assert_array_equal(found.target, target)
         np.testing.assert_array_equal(found.detection, detection)
         np.testing.assert_allclose(found.log_l, log_l[target, detection], rtol=1e-10)

@@ -13,6 +13,7 @@ from echoset.estimators.points.backlog import Backlog
 from echoset.estimators.points.pmb_filter import Tracks
 from echoset.estimators.points.sensing import Look
 from echoset.estimators.points.source import Nothing
+from echoset.models import registry
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
 from echoset.models.parameters import resolve
@@ -296,6 +297,34 @@ def test_births_at_a_limited_number_of_detections(make_recording):
     (state,) = states(make_recording([rng.uniform(0, 100, (9, 2))]), params)
     assert len(state.tracks) == 2
     assert state.next_label == 2
+
+
+def test_the_most_promising_targets_are_kept(make_recording, caplog):
+    """The odds of a detection where it is expected: existence over the area of the place."""
+    params = pmb.Params(**{**BASE, "max_tracks": 3})
+    state = start(params, [0.5, 0.1, 0.9, 0.3, 0.3], [[10 * t, 0, 0, 0] for t in range(5)])
+    area = np.sqrt([np.linalg.det(P[:2, :2]) for P in state.tracks.P])
+    expected = np.sort(np.argsort(-state.tracks.r / area)[:3])
+    after = pmb_filter.reduce(state, params, 1000)
+    assert after.tracks.label.tolist() == expected.tolist()
+    lost = state.tracks.r.sum() - after.tracks.r.sum()
+    assert after.cut["max_tracks"] == pytest.approx(lost)
+    free = replace(params, max_tracks=None)
+    assert pmb_filter.reduce(state, free, 0) is state
+    rng = np.random.default_rng(1)
+    with caplog.at_level(logging.WARNING):
+        run(make_recording([rng.uniform(0, 100, (50, 2))] * 5), max_tracks=2)
+    assert len(caplog.messages) == 1 and "max_tracks" in caplog.messages[0]
+
+
+def test_a_crowd_among_as_much_clutter_stays_bounded():
+    """Where much overlaps nothing is told apart for long: what is followed does not pile up."""
+    crowd = registry.load("echoset.scenarios", "crowd")
+    scene = {"targets": 100, "clutter_rate": 100.0, "clutter_region": (-316.0, 316.0) * 2}
+    recording = crowd.simulate(crowd.Params(**scene, steps=20), np.random.default_rng(1), "x")
+    model = {"std_position": 10.0, "p_detect": 0.95, "clutter_region": scene["clutter_region"]}
+    found = run(recording, **model, clutter_rate=100.0, birth_rate=2.0, acceleration_density=0.25)
+    assert max(one.steps["tracks"][0] for one in found) <= 500
 
 
 def test_numbers_and_regions(make_recording):

@@ -10,22 +10,30 @@ from .gaussians import _cholesky, _wrapped
 
 
 @njit(cache=True)
-def log_likelihood(z: Array, z_hat: Array, S: Array, period: Array, gate: float) -> Array:
-    """Log densities (k,) of detections, -inf outside the gate; see the definition."""
-    k, d = z.shape
+def log_likelihood(
+    z: Array, z_hat: Array, S: Array, R: Array, period: Array, target: Array, detection: Array,
+    gate: float,
+) -> Array:  # fmt: skip
+    """Log densities (k,) of pairs, -inf outside the gate; see the definition."""
+    k, d = len(target), z.shape[1]
     out = np.empty(k)
     L, e = np.zeros((d, d)), np.empty(d)
-    for i in range(k):
-        _cholesky(S[i], L)
-        half, d2 = 0.5 * d * np.log(2 * np.pi), 0.0
+    half = 0.0
+    for p in range(k):
+        t, i = target[p], detection[p]
+        if p == 0 or len(R) > 1 or target[p - 1] != t:
+            _cholesky(S[t] + (R[i] if len(R) > 1 else R[0]), L)
+            half = 0.5 * d * np.log(2 * np.pi)
+            for r in range(d):
+                half += np.log(L[r, r])
+        d2 = 0.0
         for r in range(d):
-            s = _wrapped(z[i, r] - z_hat[i, r], period[r])
+            s = _wrapped(z[i, r] - z_hat[t, r], period[r])
             for c in range(r):
                 s -= L[r, c] * e[c]
             e[r] = s / L[r, r]
             d2 += e[r] * e[r]
-            half += np.log(L[r, r])
-        out[i] = -np.inf if d2 > gate else -0.5 * d2 - half
+        out[p] = -np.inf if d2 > gate else -0.5 * d2 - half
     return out
 
 
