@@ -17,6 +17,8 @@ from ..models.records import Estimates, Recording, Scan
 from ..models.registry import load
 
 GROUP = "echoset.estimators"
+SMOOTH, FILTERED = "smooth", "none"
+"""The parameter of estimators that can smooth, and its value where they do not."""
 
 TimedStep = tuple[Estimates, float]
 """The estimates of a step, and the seconds that it took."""
@@ -39,6 +41,12 @@ class Estimation:
     def module(self) -> Any:
         """The estimator's module."""
         return load(GROUP, self.estimator)
+
+    @property
+    def called(self) -> str:
+        """What its estimates are called: smoothed ones can stand beside those of the filter."""
+        said = [layer[SMOOTH] for _, layer in self.layers if SMOOTH in layer]
+        return f"{self.estimator}-smooth" if said and said[-1] != FILTERED else self.estimator
 
     @property
     def uses_truth(self) -> bool:
@@ -126,7 +134,7 @@ class EstimatorRun:
         """
         input = {"name": self.setup.meta.name, "digest": digest, "content_digest": content_digest}
         found = {
-            "estimator": self.asked.estimator,
+            "estimator": self.asked.called,
             "parameters": as_dict(self.params),
             "seed": self.asked.seed,
             "versions": dict(versions),
