@@ -19,22 +19,27 @@ import numpy as np
 
 from ...models.classifier import CLASSES, Weights
 from ...models.errors import InputError
-from ...models.poses import pose_at
-from ...models.records import Array, Objects, Recording, Scan, Sensor
+from ...models.names import natural
+from ...models.records import Array, Objects, Recording, Scan
 from ...models.registry import load
+from .frames import frames
 from .kernels import cnn
-from .kernels.compiled import fusion as compiled_fusion
 from .kernels.compiled import pixels as compiled_pixels
-from .kernels.fusion import Pixels, Table, table
+from .kernels.fusion import Pixels
 from .kernels.pixels import summary
 from .pairs import split
 from .params import MAPS, MapParams
+from .stations import Station, doubt_unit, doubts, fuse, seen
 
+HEADROOM = 10.0
+"""How far thresholds may come down to the noise where the reference echo is less."""
 SHIPPED = Path(__file__).parent / "weights" / "jsc_cnn.npz"
 LEAST = 1e-9
 """Least probability of a class, so that no single scan is the last word."""
 _log = logging.getLogger(__name__)
 
+Seen = Callable[[int, Sequence[Scan]], Array | None]
+"""Time [ns] and scans -> share (ny, nx) of the stations that see the pixels; None: all by all."""
 Fuse = Callable[[int, Sequence[Scan]], Array]
 """Time [ns] and the scans of the maps then -> soft map (ny, nx)."""
 Identify = Callable[[int, Array, Array], Array]
@@ -47,57 +52,11 @@ Classes = Mapping[int, Array]
 """Log-probabilities (2,) of the classes of the targets, by label."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Station:
-    """A station's axes, and the table of its map for the pose that it has first."""
-
-    sensor: Sensor
-    distance: Array
-    azimuth: Array
-    position: Array
-    rotation: Array
-    table: Table
-
-    @staticmethod
-    def of(sensor: Sensor, model: Mapping[str, Array], pixels: Pixels) -> Station:
-        """The station of a stream with this ``model``."""
-        distance, azimuth = (np.asarray(model[f"{a}_axis"], float) for a in ("range", "azimuth"))
-        p, R = _plane(sensor, int(sensor.time_ns[0]))
-        return Station(sensor, distance, azimuth, p, R, table(pixels, distance, azimuth, p, R))
-
-    def at(self, time_ns: int, pixels: Pixels) -> Table:
-        """The table for the pose at a time."""
-        p, R = _plane(self.sensor, time_ns)
-        if np.array_equal(p, self.position) and np.array_equal(R, self.rotation):
-            return self.table
-        return table(pixels, self.distance, self.azimuth, p, R)
-
-
-def _plane(sensor: Sensor, time_ns: int) -> tuple[Array, Array]:
-    position, rotation = pose_at(sensor, time_ns)
-    return position[:2], rotation[:2, :2]
-
-
-def fuse(
-    stations: Mapping[str, Station], pixels: Pixels, time_ns: int, scans: Sequence[Scan]
-) -> Array:
-    """The soft map (ny, nx), float32: the sum of the maps in ``scans``, resampled.
-
-    Raises
-    ------
-    InputError : a map that does not have the shape of its axes
-    """
-    soft = np.zeros((pixels.ny, pixels.nx), np.float32)
-    for scan in scans:
-        station, power = stations[scan.stream], scan.scan["map"]
-        shape = len(station.distance), len(station.azimuth)
-        if power.shape != shape:
-            raise InputError(
-                f"stream {scan.stream} at {time_ns} ns: map of {power.shape}, axes of {shape}"
-            )
-        t = station.at(time_ns, pixels)
-        compiled_fusion.add(soft, np.ascontiguousarray(power), t.pixel, t.corner, t.u, t.v)
-    return soft
+def files(setup: Recording, params: MapParams) -> dict[str, Path]:
+    """The file of weights, where a recording has maps and a network looks at them."""
+    if params.identify != "cnn" or MAPS not in {s.kind for s in setup.streams.values()}:
+        return {}
+    return {"weights": Path(params.weights or SHIPPED)}
 
 
 def identify(weights: Weights, pixels: Pixels, time_ns: int, soft: Array, where: Array) -> Array:
@@ -143,7 +102,8 @@ def cluster(
 class Chain:
     """The processing of maps: the ``streams`` that are fused, those ``unused``, and the parts.
 
-    ``identify`` is None where nobody tells classes, and where there are no maps.
+    ``identify`` is None where nobody tells classes, and where there are no maps. The unit of the
+    maps of streams that are ``stated`` is known.
     """
 
     params: MapParams
@@ -153,6 +113,8 @@ class Chain:
     identify: Identify | None
     split: Split
     cluster: Cluster
+    seen: Seen
+    stated: frozenset[str] = frozenset()
 
     @staticmethod
     def of(setup: Recording, params: MapParams) -> Chain:
@@ -162,7 +124,7 @@ class Chain:
         ------
         InputError : fewer streams of maps than are to be fused; weights missing or damaged
         """
-        names = sorted(name for name, s in setup.streams.items() if s.kind == MAPS)
+        names = sorted((n for n, s in setup.streams.items() if s.kind == MAPS), key=natural)
         wanted = len(names) if params.stations is None or not names else params.stations
         if wanted > len(names):
             raise InputError(f"stations is {wanted}, but only {len(names)} streams have maps")
@@ -175,6 +137,10 @@ class Chain:
             name: Station.of(setup.sensors[s.nodes[0]], s.model, pixels)
             for name, s in streams.items()
         }
+        for text in doubts(streams, stations, params):
+            _log.warning("%s", text)
+        levels = [station.noise for station in stations.values()]
+        noise = max(float(len(used)), sum(levels) / HEADROOM)
         told = None
         if used and params.identify == "cnn":
             weights = load("echoset.readers", "weights")(Path(params.weights or SHIPPED))
@@ -185,8 +151,10 @@ class Chain:
             frozenset(unused),
             partial(fuse, stations, pixels),
             told,
-            partial(split, params, pixels, float(len(used)), told),
-            partial(cluster, params, pixels, float(len(used))),
+            partial(split, params, pixels, noise, told),
+            partial(cluster, params, pixels, noise),
+            partial(seen, stations, pixels),
+            frozenset(n for n, s in streams.items() if "reference_echo" in s.model),
         )
 
     @property
@@ -195,17 +163,24 @@ class Chain:
         return self.params.map_region
 
     def used(self, scans: Iterable[Scan]) -> Iterator[Scan]:
-        """The scans but for the maps that are not fused.
+        """The scans but for the maps that are not fused; those fused at the time of their window.
 
         Raises
         ------
         InputError : at the end, if a stream that should be fused had no scan
         """
         missing = set(self.streams)
-        for scan in scans:
-            if scan.stream not in self.unused:
-                missing.discard(scan.stream)
-                yield scan
+
+        def chosen() -> Iterator[Scan]:
+            for scan in scans:
+                if scan.stream in missing:
+                    missing.discard(scan.stream)
+                    if scan.stream not in self.stated:
+                        doubt_unit(scan)
+                if scan.stream not in self.unused:
+                    yield scan
+
+        yield from frames(chosen(), self.streams, self.params.fuse_within)
         if missing:
             raise InputError(f"stream {min(missing)}: has no maps")
 
@@ -222,6 +197,8 @@ class Chain:
             return None
         time_ns = maps[0].time_ns
         soft = self.fuse(time_ns, maps)
+        share = self.seen(time_ns, maps)
+        bright = soft if share is None else soft / share
         known: Classes = {}
         if self.identify is not None:
             now = _logs(self.identify(time_ns, soft, where))
@@ -232,9 +209,9 @@ class Chain:
         kind = np.array([known[l].argmax() if known else 0 for l in label.tolist()], int)
         apart = alone(where, np.array(self.params.rooms)[kind], np.lexsort((label, -kind)))
         where, kind = where[apart], kind[apart]
-        where, kind = self.split(time_ns, soft, where, kind)
+        where, kind = self.split(time_ns, bright, where, kind)
         gate, room = (np.array(sizes)[kind] for sizes in (self.params.gates, self.params.rooms))
-        z, R = self.cluster(time_ns, soft, where, gate, room)
+        z, R = self.cluster(time_ns, bright, where, gate, room)
         return Sight(time_ns, soft, z, R, known, self.identify)
 
     def named(self, objects: Objects, classes: Classes) -> Objects:

@@ -31,10 +31,19 @@ class MapParams:
     stations: int | None = parameter(
         None, "1", "how many streams of maps are fused, the first by name; null: all"
     )
+    fuse_within: float | None = parameter(
+        None,
+        "s",
+        "maps taken within this are fused, one of a station; null: 0.9 of the shortest period of a "
+        "station; 0: only those of one time",
+        within="[0, inf)",
+    )
     excision: float = parameter(
         100.0,
         "1",
-        "bright pixels exceed so many times the noise, which is one for each station",
+        "bright pixels exceed so many times the noise, which is one for each station that sees "
+        "them, where 1 m2 at 50 m is 35 dB above it; the power in other recordings is scaled by "
+        "the reference echo that they state",
         within="[0, inf)",
     )
     excision_new: float = parameter(
@@ -79,7 +88,9 @@ class MapParams:
     identify: str = parameter(
         "cnn", "1", "who tells the classes of targets", within=("cnn", "none")
     )
-    weights: str = parameter("", "1", "file with the network's weights; empty: those that we ship")
+    weights: str = parameter(
+        "", "file", "file with the network's weights; empty: those that we ship"
+    )
     class_memory: float = parameter(
         0.0,
         "1",
