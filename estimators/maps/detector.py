@@ -18,18 +18,16 @@ from pathlib import Path
 import numpy as np
 
 from ...models.classifier import CLASSES, Weights
-from ...models.errors import InputError
-from ...models.names import natural
 from ...models.records import Array, Objects, Recording, Scan
 from ...models.registry import load
-from .frames import frames
+from .choice import Choice
 from .kernels import cnn
 from .kernels.compiled import pixels as compiled_pixels
 from .kernels.fusion import Pixels
 from .kernels.pixels import summary
 from .pairs import split
 from .params import MAPS, MapParams
-from .stations import Station, doubt_unit, doubts, fuse, seen
+from .stations import Station, doubts, fuse, seen
 
 HEADROOM = 10.0
 """How far thresholds may come down to the noise where the reference echo is less."""
@@ -100,21 +98,18 @@ def cluster(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
-    """The processing of maps: the ``streams`` that are fused, those ``unused``, and the parts.
+    """The processing of maps: which are fused, and the parts.
 
-    ``identify`` is None where nobody tells classes, and where there are no maps. The unit of the
-    maps of streams that are ``stated`` is known.
+    ``identify`` is None where nobody tells classes, and where there are no maps.
     """
 
     params: MapParams
-    streams: frozenset[str]
-    unused: frozenset[str]
+    choice: Choice
     fuse: Fuse
     identify: Identify | None
     split: Split
     cluster: Cluster
     seen: Seen
-    stated: frozenset[str] = frozenset()
 
     @staticmethod
     def of(setup: Recording, params: MapParams) -> Chain:
@@ -124,13 +119,8 @@ class Chain:
         ------
         InputError : fewer streams of maps than are to be fused; weights missing or damaged
         """
-        names = sorted((n for n, s in setup.streams.items() if s.kind == MAPS), key=natural)
-        wanted = len(names) if params.stations is None or not names else params.stations
-        if wanted > len(names):
-            raise InputError(f"stations is {wanted}, but only {len(names)} streams have maps")
-        used, unused = names[:wanted], names[wanted:]
-        if unused:
-            _log.info("fusing the maps of %s, not of %s", " ".join(used), " ".join(unused))
+        chosen = Choice.of(setup, params)
+        used = chosen.used
         pixels = Pixels.of(params.map_region, params.map_cell)
         streams = {name: setup.streams[name] for name in used}
         stations = {
@@ -147,20 +137,23 @@ class Chain:
             told = partial(identify, weights, pixels)
         return Chain(
             params,
-            frozenset(used),
-            frozenset(unused),
+            chosen,
             partial(fuse, stations, pixels),
             told,
             partial(split, params, pixels, noise, told),
             partial(cluster, params, pixels, noise),
             partial(seen, stations, pixels),
-            frozenset(n for n, s in streams.items() if "reference_echo" in s.model),
         )
 
     @property
     def region(self) -> tuple[float, ...]:
         """The soft map: x_min, x_max, y_min, y_max [m]."""
         return self.params.map_region
+
+    @property
+    def streams(self) -> frozenset[str]:
+        """The streams that are fused."""
+        return frozenset(self.choice.used)
 
     def used(self, scans: Iterable[Scan]) -> Iterator[Scan]:
         """The scans but for the maps that are not fused; those fused at the time of their window.
@@ -169,20 +162,7 @@ class Chain:
         ------
         InputError : at the end, if a stream that should be fused had no scan
         """
-        missing = set(self.streams)
-
-        def chosen() -> Iterator[Scan]:
-            for scan in scans:
-                if scan.stream in missing:
-                    missing.discard(scan.stream)
-                    if scan.stream not in self.stated:
-                        doubt_unit(scan)
-                if scan.stream not in self.unused:
-                    yield scan
-
-        yield from frames(chosen(), self.streams, self.params.fuse_within)
-        if missing:
-            raise InputError(f"stream {min(missing)}: has no maps")
+        return self.choice.scans(scans, self.params.fuse_within)
 
     def see(
         self, scans: Sequence[Scan], label: Array, where: Array, classes: Classes

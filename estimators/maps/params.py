@@ -18,16 +18,15 @@ MAPS = "range_angle_map"
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class MapParams:
-    """The way from maps to detections; defaults suit 28 GHz maps."""
+class FusionParams:
+    """Which maps are looked at together, and where."""
 
-    TITLE = "from maps to detections"
+    TITLE = "maps"
     STREAMS = (MAPS,)
 
     map_region: tuple[float, float, float, float] = parameter(
         (-20.0, 20.0, -20.0, 20.0), "m", "x_min, x_max, y_min, y_max of the soft map"
     )
-    map_cell: float = parameter(0.1, "m", "side of its pixels", within="(0, inf)")
     stations: int | None = parameter(
         None, "1", "how many streams of maps are fused, the first by name; null: all"
     )
@@ -38,6 +37,21 @@ class MapParams:
         "station; 0: only those of one time",
         within="[0, inf)",
     )
+
+    def __post_init__(self) -> None:
+        polygon(self.map_region, "map_region")
+        if self.stations is not None:
+            require(self.stations >= 1, "stations", "at least 1, or null for all", self.stations)
+
+
+@dataclass(frozen=True)
+class MapParams(FusionParams):
+    """The way from maps to detections; defaults suit 28 GHz maps."""
+
+    TITLE = "from maps to detections"
+    STREAMS = (MAPS,)
+
+    map_cell: float = parameter(0.1, "m", "side of its pixels", within="(0, inf)")
     excision: float = parameter(
         100.0,
         "1",
@@ -99,7 +113,7 @@ class MapParams:
     )
 
     def __post_init__(self) -> None:
-        polygon(self.map_region, "map_region")
+        FusionParams.__post_init__(self)
         x0, x1, y0, y1 = self.map_region
         count = (x1 - x0) / self.map_cell * (y1 - y0) / self.map_cell
         require(count <= LARGEST, "map_cell", f"so that {LARGEST} pixels suffice", self.map_cell)
@@ -107,8 +121,6 @@ class MapParams:
         room = 2 * self.room_pedestrian
         apart = self.pair[0] == self.pair[1] or self.pair[0] >= room
         require(apart, "pair", f"at least twice room_pedestrian, {room:g}", self.pair)
-        if self.stations is not None:
-            require(self.stations >= 1, "stations", "at least 1, or null for all", self.stations)
         if self.identify == "cnn":
             rule = f"{CELL} m, the pixels of the network, unless identify is none"
             require(self.map_cell == CELL, "map_cell", rule, self.map_cell)

@@ -7,7 +7,6 @@ reference echo that a recording states, so that thresholds and network serve any
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,13 +21,10 @@ from ...models.regions import box, contains
 from .frames import STAMP
 from .kernels.compiled import fusion as compiled_fusion
 from .kernels.fusion import Pixels, Table, table
-from .params import MapParams
+from .params import FusionParams
 
 REFERENCE = reference_echo(BaseStation(), 50.0)
 """The reference echo for which the defaults are: 1 m2 at 50 m before the paper's stations."""
-STRANGE = 1e-2, 1e3
-"""Medians of a map, between which its unit may be the noise."""
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +123,7 @@ def seen(
 
 
 def doubts(
-    streams: Mapping[str, Stream], stations: Mapping[str, Station], params: MapParams
+    streams: Mapping[str, Stream], stations: Mapping[str, Station], params: FusionParams
 ) -> Iterator[str]:
     """What of the recording the soft map does not show, a line each."""
     x0, x1, y0, y1 = params.map_region
@@ -145,16 +141,3 @@ def doubts(
     outside = ~contains(box(params.map_region), births[:, 1:3])
     if streams and getattr(params, "birth", "") == "components" and outside.any():
         yield f"{outside.sum()} of {len(births)} births lie {lies}"
-
-
-def doubt_unit(scan: Scan) -> None:
-    """Warn of a map whose unit can hardly be the noise."""
-    median = float(np.median(scan.scan["map"]))
-    low, high = STRANGE
-    if median and not low < median < high:
-        _log.warning(
-            "stream %s: half of the powers of its first map exceed %.3g, so that the noise is not "
-            "their unit; thresholds count in it: state reference_echo in the stream's model",
-            scan.stream,
-            median,
-        )

@@ -182,7 +182,7 @@ def test_dark_maps_show_nothing(module, scene, network):
 def test_the_sum_is_of_the_first_stations_by_name(scene, network):
     assert chain(scene, network).streams == {"s0", "s1", "s2"}
     two = chain(scene, network, stations=2)
-    assert (two.streams, two.unused) == ({"s0", "s1"}, {"s2"})
+    assert (two.streams, two.choice.unused) == ({"s0", "s1"}, {"s2"})
     whole, scans = chain(scene, network), first(scene)
     maps = [whole.fuse(0, [scan]) for scan in scans]
     sight = two.see(scans, np.zeros(0, int), np.zeros((0, 2)), {})
@@ -273,7 +273,7 @@ def test_stations_in_the_order_of_their_numbers(scene, network):
     streams = {a: replace(scene.streams[b], nodes=(a,)) for a, b in names.items()}
     sensors = {a: scene.sensors[b] for a, b in names.items()}
     found = chain(replace(scene, streams=streams, sensors=sensors), network, stations=2)
-    assert (found.streams, found.unused) == ({"S1", "S2"}, {"S10"})
+    assert (found.streams, found.choice.unused) == ({"S1", "S2"}, {"S10"})
 
 
 def test_stations_that_are_not_there(scene, network):
