@@ -16,7 +16,7 @@ from ..kernels.passes import SmoothParams
 from .backlog import Backlog
 from .context import FilterParams
 from .cuts import Cut
-from .edge import detection_probability, unseen
+from .edge import Border, detection_probability
 from .kernels import births
 from .kernels.compiled import gaussians
 from .kernels.compiled.association import marginals
@@ -159,7 +159,8 @@ def update(state: State, seen: Look, params: Params, own: SensorParams) -> State
     state, first, m_first, P_first = _first_detections(state, seen, params, own)
     pairs = near(seen, a.m, a.P, own.unscented, params.gate)
     t, z = pairs.target, pairs.detection
-    p, m_missed, P_missed = unseen(seen, a.m, a.P, np.ones(len(a)), own.fov_mass)
+    border = Border.of(seen, a.m, a.P, own.fov_mass)
+    p, (m_missed, P_missed) = border.p, border.missed(np.ones(len(a)), np.ones(len(a)))
     free = np.maximum(seen.clutter + first, TINY)
     miss = np.maximum(1 - a.r * p, SURE)
     most = a.r * seen.p_detect / miss
@@ -242,7 +243,8 @@ def _first_detections(
     if not len(w):
         return replace(state, backlog=backlog), even, m_even, P_even
     pairs = near(seen, m, P, own.unscented, params.gate)
-    p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
+    border = Border.of(seen, m, P, own.fov_mass)
+    p, (m_missed, P_missed) = border.p, border.missed(np.ones(len(w)), np.ones(len(w)))
     m_hit, P_hit = pairs.updated(seen, m, P)
     density = _found(seen, own, p, pairs, m_hit, P_hit) * w[pairs.target] * np.exp(pairs.log_l)
     total, mean, spread = matched(
