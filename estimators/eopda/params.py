@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...models.parameters import parameter, require
+from .odometry import Odometry
 
 LEAST_CLUTTER = 1e-3
 """Mean number of false ranges assumed at least, so that one outlier cannot veto all particles."""
@@ -13,7 +14,7 @@ LEARNABLE = ("walks", "rates", "sigma", "bias", "height", "scale")
 
 
 @dataclass(frozen=True, slots=True)
-class Ranges:
+class Ranges(Odometry):
     """What is known about ranges: noise, what they have too much, false ones, heights."""
 
     TITLE = "ranges"

@@ -14,7 +14,7 @@ from ...models.motion import constant_velocity, motion_noise
 from ...models.records import Array
 from ...models.uwb import device_position
 from .links import Links, Network
-from .params import Params
+from .params import Params, Ranges
 
 _log = logging.getLogger(__name__)
 
@@ -158,10 +158,11 @@ def belief(net: Network, params: Params) -> Belief:
             alternative = P.copy()
             alternative[1:, 1:] = params.range_bias_spread**2 * np.eye(J)
             P[0, 0] = 0.0
-    return Belief(_height(net, params), np.zeros(D), P, alternative=alternative)
+    return Belief(first_height(net, params), np.zeros(D), P, alternative=alternative)
 
 
-def _height(net: Network, params: Params) -> Height:
+def first_height(net: Network, params: Ranges) -> Height:
+    """What parameters and anchors say of the height before the first range."""
     told, std = params.device_height, params.device_height_std
     z = np.concatenate([s.position[:, 2] for s in net.sensors])
     low = min(0.0, float(z.min()))
