@@ -25,8 +25,8 @@ from .state import Event, Target, belief
 
 PARTICLES = 1000
 """Particles while learning."""
-MOST = 1000
-"""Events that are learnt from; of more, so many are drawn."""
+MOST = 3000
+"""Active links that are learnt from; of more, the events of so many are drawn."""
 GAIN = 5.0
 """Nats that a change must gain; with these particles they are known to two or three."""
 HOPELESS = 50.0
@@ -135,8 +135,10 @@ def learn(
     """Parameters that fit the events best, and what was learnt with its gain in nats."""
     wanted = LEARNABLE if "all" in params.learn else params.learn
     seed = int(rng.integers(2**63))
-    if len(events) > MOST:
-        events = [events[k] for k in np.sort(rng.choice(len(events), MOST, replace=False))]
+    share = MOST / max(sum(len(event.active.tx) for event in events), 1)
+    if share < 1:
+        drawn = rng.choice(len(events), max(int(share * len(events)), 1), replace=False)
+        events = [events[k] for k in np.sort(drawn)]
     search = _Search(net, events, target, params, seed, params)
     at_first = search.evidence(params)
     if "bias" in wanted:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from echoset.estimators.eopda import learn as learning
 from echoset.estimators.eopda import position
 from echoset.estimators.run import Estimation
 from echoset.models.errors import InputError, ParameterError
@@ -198,6 +199,23 @@ def test_noise_that_is_told_wrong_is_learnt():
     record = recording(walk(t), t, sigma=0.2)
     *_, found = run(record, learn=["sigma"], sigma=0.1, particles=300)
     assert 0.13 < 0.1 * found["sigma_factor"] < 0.3
+
+
+def test_much_is_learnt_from_a_part(monkeypatch):
+    t = np.arange(60) * 0.1
+    record = recording(walk(t), t, sigma=0.2)
+    seen = []
+    inner = learning.track
+
+    def counted(events, *others):
+        events = list(events)
+        seen.append(len(events))
+        return inner(events, *others)
+
+    monkeypatch.setattr(learning, "track", counted)
+    monkeypatch.setattr(learning, "MOST", 100)
+    *_, found = run(record, learn=["sigma"], sigma=0.1, particles=300)
+    assert set(seen) == {25} and 0.13 < 0.1 * found["sigma_factor"] < 0.3
 
 
 def test_two_anchors_or_one_are_said_once(caplog):
