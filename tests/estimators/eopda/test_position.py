@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import echoset
 from echoset.estimators.eopda import learn as learning
 from echoset.estimators.eopda import position
 from echoset.estimators.run import Estimation
@@ -233,6 +234,19 @@ def test_an_offset_that_excludes_the_ranges_is_refused():
         InputError, match="range_bias 20 m is more than half of the first 20 ranges"
     ):
         run(record, **CALIBRATED | {"range_bias": 20.0})
+
+
+def test_what_is_kept_shows_both_images_of_two_anchors(tmp_path):
+    t = np.arange(10) * 0.1
+    record = recording(np.tile([3.0, 2.0], (10, 1)), t, anchors=CORNERS[:2])
+    _, _, _, steps, _ = run(record, **CALIBRATED, keep=50)
+    kept = steps["device_samples"]
+    assert kept.shape == (10, 50, 2)
+    assert 0.2 < (kept[-1, :, 1] > 0).mean() < 0.8
+    assert np.abs(np.abs(kept[-1]) - [3.0, 2.0]).max() < 0.5
+    path = tmp_path / "tag.h5"
+    echoset.write(echoset.estimate(record, "position", 1, **CALIBRATED, keep=50), path)
+    assert echoset.read(path).steps["device_samples"].shape == (10, 50, 2)
 
 
 def test_only_what_can_be_learnt_may_be_named():
