@@ -107,6 +107,17 @@ class Border:
         return m, P
 
 
+def unseen(
+    look: Look, m: Array, P: Array, visible: Array, fov_mass: bool
+) -> tuple[Array, Array, Array]:
+    """Probability (J,) that ``visible`` targets are detected, and their m, P if they are missed.
+
+    Of Bernoullis and of who is not known to be detected: all of it may be outside.
+    """
+    border = Border.of(look, m, P, fov_mass)
+    return border.p, *border.missed(visible, np.ones(len(m)))
+
+
 def _inwards(look: Look, m: Array, P: Array) -> Array:
     """Direction (J, 2) in which the mass in view grows, zero where there is none."""
     step = 0.5 * np.sqrt(np.diagonal(P[:, :2, :2], axis1=1, axis2=2))
