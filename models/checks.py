@@ -25,6 +25,7 @@ from .columns import (
     SENSOR,
     STEPS,
     STREAM_KINDS,
+    TDOA,
     Column,
     Leaf,
 )
@@ -164,6 +165,10 @@ def check_stream(
         nodes = [sensors[node].kind for node in stream.nodes]
         mode, tx, rx = (stream.scan[key] for key in ("mode", "tx", "rx"))
         _check_links(mode, tx, rx, nodes, at / "scan")
+        _check_differences(stream, nodes, at)
+    elif stream.kind == "odometry":
+        if m:
+            (at / "row_offset").fail(f"odometry has no rows, yet there are {m}")
     else:
         check_detections(stream, at)
 
@@ -263,6 +268,9 @@ def _check_nodes(stream: Stream, sensors: Mapping[str, Sensor], at: Where) -> No
             at.fail(f"{nodes[kinds.index('radar')]!r} is a radar, not a UWB node")
         if "anchor" not in kinds:
             at.fail("anchors missing: none of the nodes is an anchor with a known position")
+    elif stream.kind == "odometry":
+        if kinds != ["device"]:
+            at.fail(f"odometry is that of one device, got {' '.join(kinds) or None}")
     elif kinds != ["radar"]:
         at.fail(f"a stream of kind {stream.kind!r} needs one radar, got {' '.join(kinds) or None}")
 
@@ -344,6 +352,26 @@ def _check_links(mode: Array, tx: Array, rx: Array, kinds: list[str], at: Where)
     (at / "rx").none(~anchor[rx], rx, "is not an anchor")
     (at / "tx").none((mode == ACTIVE) & anchor[tx], tx, "is not a device, yet the link is active")
     (at / "tx").none((mode == PASSIVE) & ~anchor[tx], tx, "is a device, yet the link is passive")
+    (at / "tx").none((mode == TDOA) & anchor[tx], tx, "is not a device, yet the link is tdoa")
+
+
+def _check_differences(stream: Stream, kinds: list[str], at: Where) -> None:
+    """Differences name the anchor that they are taken from; nothing else is negative."""
+    difference = stream.scan["mode"] == TDOA
+    reference = stream.scan.get("reference")
+    if reference is None:
+        if difference.any():
+            (at / "scan").fail("column 'reference' is missing, yet there are tdoa events")
+    else:
+        own, of = at / "scan/reference", np.where(difference, reference, 0)
+        own.none((of < 0) | (of >= len(kinds)), of, f"is not one of {len(kinds)} nodes")
+        anchor = np.array([kind == "anchor" for kind in kinds], bool)
+        own.none(difference & ~anchor[of], of, "is not an anchor")
+        own.none(difference & (of == stream.scan["rx"]), of, "is the anchor itself")
+        own.none(~difference & (reference != -1), reference, "is not -1, yet no tdoa event")
+    of_rows = np.repeat(difference, np.diff(stream.row_offset))
+    distance = stream.rows["distance"]
+    (at / "rows/distance").none((distance < 0) & ~of_rows, distance, "is negative")
 
 
 def _check_classes(o: Objects, at: Where) -> None:

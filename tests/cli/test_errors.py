@@ -123,6 +123,7 @@ def test_anchors_missing(estimate, rec, tmp_path, monkeypatch):
         (("--preset", "slwo"), ["did you mean 'slow'"]),
         (("--config", "none.yaml"), ["none.yaml"]),
         (("--keep",), ["--keep"]),
+        (("--smooth",), ["no way back", "--smooth"]),
         (("--format", "h6"), ["'h6'"]),
         (("--overwrite", "--skip-existing"), ["exclude"]),
         (("-j", "0"), ["0"]),
