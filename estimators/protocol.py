@@ -23,6 +23,9 @@ class Estimator(Protocol):
     layers)``, which makes the parameters of a recording from what its streams state and what the
     user says; others are resolved for all streams at once.
 
+    One that can smooth has the parameter ``smooth`` (:mod:`.kernels.passes`), which ``--smooth``
+    sets, and yields then what is known of each time at the end, or a lag later.
+
     One that measures what could be known at best declares ``USES_TRUTH``: its ``setup`` is the
     whole recording, truth and origins included.
     """

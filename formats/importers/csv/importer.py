@@ -126,8 +126,8 @@ GENERAL = True
 
 def recognises(path: Path, head: bytes) -> bool:
     """Whether a file, from its first bytes, is a table of text or of MATLAB."""
-    if path.suffix == MATLAB:
-        return True
+    if path.suffix in (MATLAB, ".json"):
+        return path.suffix == MATLAB
     try:
         text = head.decode("utf-8-sig")
     except UnicodeDecodeError as error:
