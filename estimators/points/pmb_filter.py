@@ -12,7 +12,6 @@ import numpy as np
 from ...models.errors import InputError
 from ...models.parameters import parameter
 from ...models.records import Array
-from ..kernels.passes import SmoothParams
 from .backlog import Backlog
 from .context import FilterParams
 from .cuts import Cut
@@ -26,6 +25,7 @@ from .pairs import Pairs, near
 from .sensing import UNKNOWN, Look, SensorParams, positions
 from .targets import Interval, elapse, newborn
 from .times import Memory
+from .trails import TrailParams
 
 SURE = 1e-6
 """Least probability of a miss, so that detections are not sure but compared."""
@@ -40,7 +40,7 @@ MERGED = 0.5
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(SmoothParams, FilterParams):
+class Params(TrailParams, FilterParams):
     """Sensors, targets, and which of them are kept and shown."""
 
     TITLE = "filter"
@@ -67,17 +67,10 @@ class Params(SmoothParams, FilterParams):
     extract_existence: float = parameter(
         0.5, "1", "least existence of what is extracted", within="[0, 1)"
     )
-    extract_smoothed: float = parameter(
-        0.95,
-        "1",
-        "smoothed: least existence, then or later, of what is extracted; more than for a filter, "
-        "since it is the largest of many",
-        within="[0, 1)",
-    )
 
     def __post_init__(self) -> None:
         FilterParams.__post_init__(self)
-        SmoothParams.__post_init__(self)
+        TrailParams.__post_init__(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

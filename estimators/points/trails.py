@@ -13,8 +13,26 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...models.parameters import parameter
 from ...models.records import Array
+from ..kernels.passes import SmoothParams
 from .source import Classes
+
+
+# Without slots: classes that have some cannot be composed.
+@dataclass(frozen=True)
+class TrailParams(SmoothParams):
+    """How long estimates wait for what comes, and which are shown then."""
+
+    TITLE = "smoothing"
+
+    extract_smoothed: float = parameter(
+        0.95,
+        "1",
+        "smoothed: least existence, then or later, of what is extracted; more than for a filter, "
+        "since it is the largest of many",
+        within="[0, 1)",
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
