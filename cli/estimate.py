@@ -85,8 +85,8 @@ def command(
     """Run an estimator over the recordings IN.
 
     The estimates of a recording go into a folder as <stem of IN>.<estimator>.h5, or
-    ....<estimator>-smooth.h5. Parameters come, the later winning, from: defaults, the recording's
-    sensor model, --preset, --smooth, --config, --set.
+    ....<estimator>-smooth.h5. Parameters come, the later winning, from: defaults, --preset, the
+    recording's sensor model, --smooth, --config, --set.
 
     \b
     echoset estimate -e eopda-geo recordings/*.h5 -o estimates/ -j 2

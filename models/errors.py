@@ -41,7 +41,7 @@ class FormatError(InputError):
     Parameters
     ----------
     path : file as the user named it
-    where : place in the file: a dataset, topic, line or offset; may be empty
+    where : place in the file: a dataset, topic, line or offset; empty if it is the file itself
     reason : what is wrong there
     """
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...models.columns import ACTIVE
+from ...models.columns import ACTIVE, PASSIVE
 from ...models.errors import InputError
 from ...models.poses import pose_at
 from ...models.records import Array, Recording, Scan, Sensor
@@ -126,9 +126,9 @@ def link_steps(net: Network, scans: Iterable[Scan]) -> Iterator[tuple[int, tuple
         active: list[Scan] = []
         passive: list[Scan] = []
         for scan in events:
-            if scan.scan["mode"] != ACTIVE:
+            if scan.scan["mode"] == PASSIVE:
                 passive.append(scan)
-            elif net.index[scan.scan["tx"]] >= 0:
+            elif scan.scan["mode"] == ACTIVE and net.index[scan.scan["tx"]] >= 0:
                 active.append(scan)
         yield time_ns, (_links(net, active), _links(net, passive))
 

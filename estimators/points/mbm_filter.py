@@ -13,7 +13,7 @@ from ...models.parameters import parameter
 from ...models.records import Array
 from .context import FilterParams
 from .cuts import Cut
-from .edge import detection_probability, unseen
+from .edge import Border, detection_probability
 from .kernels import births
 from .kernels.bernoulli import (
     TINY,
@@ -205,7 +205,8 @@ def update(
     a = state.mixture.local
     z_hat, C, S = innovations(seen, a.m, a.P, own.unscented)
     log_hit = log_likelihood(seen, z_hat, S, params.gate)
-    p, m_missed, P_missed = unseen(seen, a.m, a.P, a.visible, own.fov_mass)
+    border = Border.of(seen, a.m, a.P, own.fov_mass)
+    p, (m_missed, P_missed) = border.p, border.missed(a.visible, np.ones(len(a)))
     with np.errstate(divide="ignore"):
         log_hit += np.log(_found(seen, own, a, p, log_hit, z_hat, C, S) * a.visible[:, None])
     undetected, (new, m_new, P_new) = _first_detections(state.undetected, seen, params, own, even)
@@ -306,7 +307,8 @@ def _first_detections(
     if not len(w):
         return undetected, (even, m_even, P_even)
     z_hat, C, S = innovations(seen, m, P, own.unscented)
-    p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
+    border = Border.of(seen, m, P, own.fov_mass)
+    p, (m_missed, P_missed) = border.p, border.missed(np.ones(len(w)), np.ones(len(w)))
     density = np.zeros((len(w) + 1, n))
     log_l = log_likelihood(seen, z_hat, S, params.gate)
     density[:-1], density[-1] = (p * w)[:, None] * np.exp(log_l), even

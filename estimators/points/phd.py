@@ -45,7 +45,7 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
     n = sum(len(look.z) for look in seen)
     posterior = update(state.mixture, moment.looks, params, is_new)
     numbers = _numbers(posterior, context.regions)
-    mixture, lost = reduce(posterior.mixture, params, max(n, state.memory.crowd))
+    mixture, lost = reduce(posterior.going_on, params, max(n, state.memory.crowd))
     waiting, unborn = born(params, seen, posterior.novelty, gone)
     cut = {"max_components": lost, "max_births": unborn}
     if params.keep:

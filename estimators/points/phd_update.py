@@ -10,20 +10,18 @@ solution via multitarget calculus", SPIE 7336 (2009); the sum over partitions by
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...models.records import Array
-from .edge import detection_probability, unseen
+from .edge import Border, detection_probability
 from .kernels.association import marginals
 from .phd_filter import Mixture, Params
 from .sensing import Look, SensorParams, innovations, log_likelihood, updated
 
 TINY = 1e-300
 """Least density that a weight is divided by."""
-EXPLAINED = 0.05
-"""Share of a component that detections have taken, from which on the rest stays where it is."""
 SURE = 1e-12
 """Least probability that a target is missed."""
 NEGLIGIBLE = 1e-9
@@ -37,7 +35,8 @@ class Posterior:
     -1 where all looks have missed. ``missed`` is the weight of these and ``q`` (T,) the existence
     of the others, components too light for the mixture included; with one look there is one of them
     for each detection. ``novelty`` (n,) tells of each look how probably no target that was known
-    made the detections.
+    made the detections. ``beside`` (J,) is the share of a component that goes on, see
+    :func:`_beside`.
     """
 
     mixture: Mixture
@@ -45,6 +44,12 @@ class Posterior:
     missed: float
     q: Array
     novelty: tuple[Array, ...]
+    beside: Array
+
+    @property
+    def going_on(self) -> Mixture:
+        """The mixture without what is counted beside the detected target that it is."""
+        return replace(self.mixture, w=self.mixture.w * self.beside)
 
 
 def update(
@@ -54,34 +59,52 @@ def update(
     x, target, q = mixture, np.full(len(mixture.w), -1), np.zeros(0)
     counted = params.keep or params.regions
     least = min(params.prune_weight, NEGLIGIBLE) if counted else params.prune_weight
-    taken, missed = [], float(mixture.w.sum())
+    taken, missed, outside = [], float(mixture.w.sum()), np.ones(len(mixture.w))
     for seen, own in looks:
         found = _corrected(x, target, q, seen, own, params.gate, least)
-        x, target, q, missed, by_others, source = found
-        is_new = is_new[source]
+        x, target, q, missed, by_others, source, beyond = found
+        is_new, outside = is_new[source], (outside * beyond)[source]
         taken.append(by_others)
     if params.drop_missed_births:
         late = (target < 0) & is_new
         missed -= float(x.w[late].sum())
-        x, target = x.take(~late), target[~late]
+        x, target, outside = x.take(~late), target[~late], outside[~late]
     first = len(q) - np.cumsum([len(t) for t in taken[::-1]])[::-1]
     novelty = tuple(1 - t - q[f : f + len(t)] for t, f in zip(taken, first.tolist(), strict=True))
-    return Posterior(x, target, missed, q, novelty)
+    beside = np.where(target < 0, 1 - outside * (1 - _beside(mixture, x, target)), 1.0)
+    return Posterior(x, target, missed, q, novelty, beside)
+
+
+def _beside(before: Mixture, x: Mixture, target: Array) -> Array:
+    """Probability (J,) that a target of the label of a component is there and is not detected.
+
+    The Poisson process takes the part of a target that may be out of view for another target than
+    the one that is detected, and so would count one along the border of the view anew with every
+    scan. A label is one target, or as many as it weighs where that is more: of who is detected no
+    part is elsewhere, as in a Bernoulli filter.
+    """
+    label, index = np.unique(np.append(before.label, x.label), return_inverse=True)
+    old, new = np.split(index, [len(before.label)])
+    number = np.maximum(np.bincount(old, before.w, len(label)), 1.0)
+    detected = np.bincount(new, np.where(target < 0, 0.0, x.w), len(label))
+    return np.asarray(np.maximum(1 - detected / number, 0.0)[new])
 
 
 def _corrected(
     x: Mixture, target: Array, q: Array, seen: Look, own: SensorParams, gate: float, least: float
-) -> tuple[Mixture, Array, Array, float, Array, Array]:
+) -> tuple[Mixture, Array, Array, float, Array, Array, Array]:
     """The mixture after one of the looks of a time.
 
     Components are of the Poisson process (``target`` (J,) -1), or of Bernoullis with existence
     ``q`` (T,). Returned are the same for the components above ``least``, detections (n,) having
     begun one more Bernoulli each; then the Poisson weight, the probability (n,) that one of the
-    earlier Bernoullis made the detections, and from which (J',) each component came.
+    earlier Bernoullis made the detections, from which (J',) each component came, and how probably
+    (J,) one that is missed is out of view.
     """
     w, m, P, T, n = x.w, x.m, x.P, len(q), len(seen.z)
     z_hat, C, S = innovations(seen, m, P, own.unscented)
-    p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
+    border = Border.of(seen, m, P, own.fov_mass)
+    p = border.p
     hit = w[:, None] * np.exp(log_likelihood(seen, z_hat, S, gate))
     hit *= _found(seen, own, x, z_hat, C, S, hit, p)
     free = target < 0
@@ -104,12 +127,9 @@ def _corrected(
         weight *= 1 - by_others
         weight[j, i] = hit[j, i] * (taken / sum_hit)[of]
         begun = begun * (1 - by_others)
-    # Of a target that has been detected no part moves out of view, to be counted beside it.
-    explained = weight.sum(1) > EXPLAINED * w
-    m_missed, P_missed = (
-        np.where(explained.reshape(-1, *[1] * (a.ndim - 1)), a, b)
-        for a, b in ((m, m_missed), (P, P_missed))
-    )
+    elsewhere = np.where(free, 1 - weight.sum(1) / np.maximum(w, 1.0), 1.0)
+    m_missed, P_missed = border.missed(np.ones(len(w)), np.maximum(elsewhere, 0.0))
+    beyond = (1 - border.share) / np.maximum(1 - p, SURE) if own.fov_mass else np.zeros(len(w))
     kept = np.flatnonzero(missed > least)
     j, i = np.nonzero(weight > least)
     m_new, P_new = updated(seen, m, P, z_hat, C, S, j, i)
@@ -121,7 +141,8 @@ def _corrected(
         x.label[source],
     )
     of = np.concatenate((target[kept], np.where(free[j], T + i, target[j])))
-    return after, of, np.concatenate((q, begun)), float(missed[free].sum()), by_others, source
+    q, left_over = np.concatenate((q, begun)), float(missed[free].sum())
+    return after, of, q, left_over, by_others, source, beyond
 
 
 def _found(

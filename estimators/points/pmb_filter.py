@@ -15,7 +15,7 @@ from ...models.records import Array
 from .backlog import Backlog
 from .context import FilterParams
 from .cuts import Cut
-from .edge import detection_probability, unseen
+from .edge import Border, detection_probability
 from .kernels import births
 from .kernels.compiled import gaussians
 from .kernels.compiled.association import marginals
@@ -208,7 +208,8 @@ def _associated(
     share, m, P = (np.ones(T), a.m, a.P) if a.modes is None else a.modes.flat()
     owner, there = np.repeat(np.arange(T), M), np.repeat(a.r, M) * share
     pairs = near(seen, m, P, own.unscented, params.gate)
-    p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(m)), own.fov_mass)
+    border = Border.of(seen, m, P, own.fov_mass)
+    p, (m_missed, P_missed) = border.p, border.missed(np.ones(len(m)), np.ones(len(m)))
     miss = np.maximum(1 - np.bincount(owner, there * p, T), SURE)
     most = (a.r * seen.p_detect / miss)[owner]
     faint = most[pairs.target] * np.exp(pairs.log_l) < FAINT * free[pairs.detection]
@@ -297,7 +298,8 @@ def _first_detections(
     if not len(w):
         return replace(state, backlog=backlog), even, m_even, P_even
     pairs = near(seen, m, P, own.unscented, params.gate)
-    p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
+    border = Border.of(seen, m, P, own.fov_mass)
+    p, (m_missed, P_missed) = border.p, border.missed(np.ones(len(w)), np.ones(len(w)))
     m_hit, P_hit = pairs.updated(seen, m, P)
     density = _found(seen, own, p, pairs, m_hit, P_hit) * w[pairs.target] * np.exp(pairs.log_l)
     total, mean, spread = matched(
