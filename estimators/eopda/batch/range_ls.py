@@ -8,7 +8,7 @@ Hessian. Only direct ranges count: false ones are left to the tails of the noise
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -22,10 +22,9 @@ from ..state import Height, first_height
 from .choose import Explanation, choose, explanations
 from .fixes import fixes
 from .gather import Data, gather
-from .motion import Layout
 from .params import Params
 from .show import shown
-from .solution import Solution, problem_of, solution, starts
+from .solution import Solution, carried, problem_of, solution, starts
 
 SUMMARY = "a device or tag from all its ranges at once: robust least squares over the recording"
 STREAMS = ("uwb", "odometry")
@@ -75,7 +74,9 @@ def estimate(
         best, learnt = choose(params, _evidence(net, head), may)
         models = explanations(best, params, may)
         found |= learnt
-    solutions = [solve(net, data, model.params) for model in models]
+    solutions: list[Solution] = []
+    for model in models:
+        solutions.append(solve(net, data, model.params, solutions[-1] if solutions else None))
     weights = np.ones(1)
     if len(models) > 1:
         weights = _weights(solutions)
@@ -98,8 +99,8 @@ def _weights(solutions: list[Solution]) -> Array:
     return np.asarray(w / w.sum())
 
 
-def solve(net: Network, data: Data, params: Params, near: Sequence[Solution] = ()) -> Solution:
-    """The trajectory of least cost; ``near`` are solutions for other parameters.
+def solve(net: Network, data: Data, params: Params, near: Solution | None = None) -> Solution:
+    """The trajectory of least cost; ``near`` is one for other parameters.
 
     Raises
     ------
@@ -111,9 +112,8 @@ def solve(net: Network, data: Data, params: Params, near: Sequence[Solution] = (
     reach = float(np.linalg.norm(corners.max(0) - corners.min(0)) / 2 + data.z.max())
     height = first_height(net, params)
     problem = problem_of(data, params, height, centre, reach)
-    for other in near:
-        if other.problem.layout == problem.layout:
-            return Solution(problem, *problem.minimise(other.x))
+    if near is not None:
+        return Solution(problem, *problem.minimise(carried(near, problem)))
     loose = params.range_bias_std + params.range_scale_std * float(np.median(data.z))
     path = fixes(data, _middle(height), loose, params.speed_std, centre, reach)
     best = solution(problem, starts(problem, path))
@@ -141,12 +141,12 @@ def _middle(height: Height) -> float:
 
 def _evidence(net: Network, data: Data) -> Callable[[Params], float]:
     """The evidence [nats] of parameters; trajectories are found from those for others."""
-    near: dict[Layout, Solution] = {}
+    near: list[Solution] = []
 
     def evidence(params: Params) -> float:
         try:
-            best = solve(net, data, params, list(near.values()))
-            near[best.problem.layout] = best
+            best = solve(net, data, params, near[0] if near else None)
+            near[:] = [best]
             return best.problem.evidence(best.x, best.cost)
         except (EstimatorError, np.linalg.LinAlgError):
             return -np.inf
