@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..estimators import mbm, phd
+from ..estimators.maps import evidence
 from ..estimators.maps.detector import Chain
 from ..estimators.maps.kernels.fusion import Pixels
 from ..models.classifier import CLASSES
@@ -54,10 +55,10 @@ class Condition:
         """The parameters of the filter."""
         module = FILTERS[self.filter]
         preset = module.PRESETS[self.preset] if self.preset != "default" else {}
-        layers = preset, GATES[self.gate], {"stations": self.stations}, dict(self.changes)
-        named_ = ((self.name, layer) for layer in layers)
+        layers = GATES[self.gate], {"stations": self.stations}, dict(self.changes)
+        named_ = (("preset", preset), *((self.name, layer) for layer in layers))
         stated = sensor_model(recording, module.Params)
-        return module.resolved(module.Params, recording, stated, tuple(named_))
+        return module.resolved(module.Params, recording, stated, named_)
 
 
 Soft = Mapping[int, Array]
@@ -70,7 +71,7 @@ def soft_maps(recording: Recording, params: Any) -> dict[int, Array]:
     chain = Chain.of(
         recording.setup(), replace(params, identify="none", gate_vehicle=params.gate_pedestrian)
     )
-    scans = (s for s in recording.scans() if s.stream in chain.streams)
+    scans = (s for s in chain.used(recording.scans()) if s.stream in chain.streams)
     return {t: chain.fuse(t, list(some)) for t, some in groupby(scans, lambda s: s.time_ns)}
 
 
@@ -91,15 +92,18 @@ def estimate(
 def without(recording: Recording, condition: Condition, soft: Soft, part: str) -> Steps:
     """Estimates step by step with one of the parts :data:`REPLACED` replaced by the truth.
 
-    detection : only the outlines of the objects are bright; clustering : bright pixels go to the
-    nearest object, within the gate of its class; identification : the class of the nearest object;
-    tracking : the predictions are the objects, the estimates the detections.
+    detection : what is clustered is bright in the outlines of the objects alone; the network sees
+    the maps. clustering : the objects' true places and classes stand for the predictions, with
+    the gates of their classes, and nothing else makes detections; the filter tracks them.
+    identification : the class of the nearest object. tracking : the objects' true places stand for
+    the predictions, with the gates and rooms of what the network calls them; the estimates are
+    the detections.
     """
     if part == "tracking":
         return _untracked(recording, condition, soft)
     objects = {
         "nothing": lambda chain: chain,
-        "detection": lambda chain: replace(chain, fuse=_outlines(recording, condition)),
+        "detection": lambda chain: _outlined(recording, condition, chain),
         "clustering": lambda chain: replace(chain, cluster=_clustered(recording, chain)),
         "identification": lambda chain: replace(chain, identify=_identified(recording)),
     }
@@ -138,6 +142,16 @@ def _outlines(recording: Recording, condition: Condition) -> Callable[..., Array
     return fuse
 
 
+def _outlined(recording: Recording, condition: Condition, chain: Chain) -> Chain:
+    """The chain whose pairs and clusters are those of outlines."""
+    bright, cluster, split = _outlines(recording, condition), chain.cluster, chain.split
+    return replace(
+        chain,
+        split=lambda t, soft, *rest: split(t, bright(t, ()), *rest),
+        cluster=lambda t, soft, *rest: cluster(t, bright(t, ()), *rest),
+    )
+
+
 def _clustered(recording: Recording, chain: Chain) -> Callable[..., tuple[Array, Array]]:
     at, gates = true_at(recording), np.array(chain.params.gates)
     never = replace(chain.params, dbscan_points=10**9)
@@ -171,15 +185,16 @@ def _untracked(recording: Recording, condition: Condition, soft: Soft) -> Steps:
     steps = []
     for k, (t, map_) in enumerate(soft.items()):
         p, _, _ = at(t)
-        gate = np.array(params.gates)[chain.identify(t, map_, p).argmax(1)]
-        z, _ = chain.cluster(t, map_, p, gate, np.zeros(len(p)))
+        kind = chain.identify(t, map_, p).argmax(1)
+        gate, room = np.array(params.gates)[kind], np.array(params.rooms)[kind]
+        z, _ = chain.cluster(t, map_, p, gate, room)
         n = len(z)
         label = np.arange(n) + 1000 * k
-        log_p = np.log(np.maximum(chain.identify(t, map_, z), 1e-9))
+        told = evidence.read(chain.identify(t, map_, z))
         state = np.hstack((z, np.zeros((n, 2))))
         names, units = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
         objects = Objects(np.array([t]), np.array([0, n]), label, names, units, state)
-        classes = dict(zip(label.tolist(), log_p, strict=True))
+        classes = dict(zip(label.tolist(), told, strict=True))
         steps.append(Estimates(recording.meta, chain.named(objects, classes), {}))
     return _named(recording, condition, steps)
 

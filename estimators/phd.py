@@ -8,29 +8,40 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.records import Estimates, Recording, Scan
-from .maps.detector import Chain
+from .maps.detector import Chain, files
 from .maps.params import MAPS, MapParams
-from .points import phd, sensing
-from .points.phd import Context, run
+from .points import phd_filter, sensing
+from .points.context import Context
+from .points.phd import run
 from .points.streams import resolved
 from .presets import Presets
 
-__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "context", "estimate", "resolved", "run"]
+__all__ = [
+    "PRESETS",
+    "STREAMS",
+    "SUMMARY",
+    "Params",
+    "context",
+    "estimate",
+    "files",
+    "resolved",
+    "run",
+]
 SUMMARY = "Gaussian-mixture PHD filter of detections or range-angle maps, with regions"
 STREAMS = (*sensing.STREAMS, MAPS)
 PRESETS = Presets("echoset.estimators.points", "phd")
 
 
 @dataclass(frozen=True)
-class Params(MapParams, phd.Params):
+class Params(MapParams, phd_filter.Params):
     """The filter's, and the way from maps to detections."""
 
     def __post_init__(self) -> None:
-        phd.Params.__post_init__(self)
+        phd_filter.Params.__post_init__(self)
         MapParams.__post_init__(self)
 
 
-def context(setup: Recording, params: Params) -> Context:
+def context(setup: Recording, params: Params) -> Context[Params]:
     """What stays for a recording.
 
     Raises

@@ -20,9 +20,11 @@ from ..models.records import Array, Estimates, Objects, Recording, Scores
 from .kit.assignment import assign
 from .kit.measured import Measured, Names
 from .kit.series import Distance, mean_stderr
-from .kit.sets import align
+from .kit.sets import AlignedSets, align
 from .kit.table import rows
 from .protocol import Metric
+
+SAID = "the estimates"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +44,10 @@ def measure(estimates: Estimates, recording: Recording, params: Params) -> Measu
     InputError : no truth, no positions in common, or no classes
     """
     aligned = align(estimates, recording, params)
-    truth, estimate = aligned.truth, aligned.estimate
-    known = truth.class_names
-    true, said = _index(truth, known, "the truth"), _index(estimate, known, "the estimates")
-    pairs = aligned.near(params.cutoff)
-    chosen = assign(pairs, params.cutoff**params.order - pairs.distance**params.order)
-    step, a, b = pairs.step[chosen], true[pairs.first[chosen]], said[pairs.second[chosen]]
+    known = aligned.truth.class_names
+    true, said = index(aligned.truth, known, "the truth"), index(aligned.estimate, known, SAID)
+    step, first, second = assigned_pairs(aligned, params)
+    a, b = true[first], said[second]
     n = len(aligned)
     assigned, right = np.bincount(step, minlength=n), np.bincount(step[a == b], minlength=n)
     missed, false = (count - assigned for count in aligned.counts)
@@ -84,7 +84,14 @@ def summarise(names: Names, measured: Measured, params: Params) -> Scores:
     return Scores.join(tables)
 
 
-def _index(objects: Objects, names: tuple[str, ...], who: str) -> Array:
+def assigned_pairs(aligned: AlignedSets, params: Params) -> tuple[Array, Array, Array]:
+    """Step, row of the truth and row of the estimates of the objects that were found."""
+    pairs = aligned.near(params.cutoff)
+    chosen = assign(pairs, params.cutoff**params.order - pairs.distance**params.order)
+    return pairs.step[chosen], pairs.first[chosen], pairs.second[chosen]
+
+
+def index(objects: Objects, names: tuple[str, ...], who: str) -> Array:
     """The class of each row as an index into ``names``, -1 for one that is not among them."""
     if objects.class_index is None or not names:
         raise InputError(f"{who} have no classes" if who.endswith("s") else f"{who} has no classes")

@@ -29,6 +29,7 @@ from .columns import (
     Column,
     Leaf,
 )
+from .covariance import indefinite
 from .radar.checks import check_detections
 from .records import Array, Estimates, Meta, Model, Objects, Recording, Sensor, Stream, Truth
 from .where import Where
@@ -44,8 +45,6 @@ KEY = re.compile(r"[^\s/.\x00-\x1f\x7f-\x9f\ud800-\udfff][^/\x00-\x1f\x7f-\x9f\u
 """What sensor parameters and diagnostics may be called: safe in paths, topics and HDF5."""
 NUMBERS = ("b1", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8")
 """Types that all formats hold."""
-ROUNDING = 1e-9
-"""How far below zero, of correlations, an eigenvalue of a covariance may be."""
 EXTENT = ("semi_axes", "rotation")
 
 
@@ -201,7 +200,8 @@ def check_objects(objects: Objects, place: str, path: object = "recording") -> N
         place_.none(np.abs(P - P.swapaxes(1, 2)) > scale, P, "is not symmetric")
         variance = np.diagonal(P, axis1=1, axis2=2)
         place_.none(variance < 0, variance, "is a negative variance")
-        place_.none(lowest(P) < -ROUNDING, P[:, 0], "begins a covariance that is not semidefinite")
+        bad, reason = indefinite(P)[:, None], "begins a covariance that is not semidefinite"
+        place_.none(bad, P[:, 0], reason)
     if o.existence is not None:
         (at / "existence").probability(o.existence)
     _check_classes(o, at)
@@ -221,17 +221,6 @@ def _check_array(values: Any, leaf: Leaf, sizes: Mapping[str, int], at: Where) -
             at.fail("must be an array of integers")
         dtype = values.dtype.str
     at.array(values, dtype, shape)
-
-
-def lowest(P: Array) -> Array:
-    """Lowest eigenvalues (m, 1) of the correlations in symmetric matrices P (m, dx, dx).
-
-    Where a variance is zero, its correlations count as if it were the least positive number.
-    """
-    std = np.sqrt(np.diagonal(P, axis1=1, axis2=2).clip(np.finfo(float).tiny))
-    with np.errstate(over="ignore"):
-        correlation = (P / std[:, :, None] / std[:, None, :]).clip(-1e9, 1e9)
-    return np.linalg.eigvalsh(correlation)[:, :1]
 
 
 def check_steps(steps: Mapping[str, Array], n: int, path: object = "recording") -> None:

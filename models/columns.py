@@ -97,6 +97,12 @@ COLUMNS: dict[str, Column] = {
     "origin_x": Column("f8", "m", "x of the point of origin", evaluation=True, missing=True),
     "origin_y": Column("f8", "m", "y of the point of origin", evaluation=True, missing=True),
     "origin_z": Column("f8", "m", "z of the point of origin", evaluation=True, missing=True),
+    **{
+        f"origin_{name}": replace(
+            column, long_name=f"true {column.long_name}", evaluation=True, missing=True
+        )
+        for name, column in _covariance("xyz").items()
+    },
 }
 
 REQUIRED: dict[str, tuple[str, ...]] = {
@@ -169,7 +175,7 @@ META = (    _hidden("kind", TEXT, "", "", "`recording` or `estimates`"),
     _leaf("frame", TEXT, meaning="name of the map's frame"),
     _leaf("origin", TEXT, meaning="where the map's origin lies on Earth, free text, may be empty"),
     _hidden("provenance", TEXT, "", "", "a JSON object of plain data with sorted keys: where "
-            "the record comes from, see [](reproducibility.md)"),
+            "the record comes from, see [Reproducibility](reproducibility.md)"),
 )  # fmt: skip
 
 SENSOR = (
@@ -192,9 +198,9 @@ STREAM = (
     _leaf("time_ns", "i8", "n", "ns", "time of each scan or link event, never falling; each radar "
           "scan has a time of its own"),
     _leaf("row_offset", "i8", "n+1", "1"),
-    _leaf("scan/<column>", COLUMN, "n ...", "", "[columns](reference/columns.md) with a value per "
+    _leaf("scan/<column>", COLUMN, "n ...", "", "*columns* in the reference with a value per "
           "scan, `map` (n, range, azimuth)"),
-    _leaf("rows/<column>", COLUMN, "m", "", "[columns](reference/columns.md) with a value per "
+    _leaf("rows/<column>", COLUMN, "m", "", "*columns* in the reference with a value per "
           "detection"),
 )  # fmt: skip
 

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.linalg import LinAlgError
 
 _LONGEST, _END = 500, 100
 
@@ -36,7 +41,7 @@ class FormatError(InputError):
     Parameters
     ----------
     path : file as the user named it
-    where : place in the file: a dataset, topic, line or offset; may be empty
+    where : place in the file: a dataset, topic, line or offset; empty if it is the file itself
     reason : what is wrong there
     """
 
@@ -72,8 +77,17 @@ _OUT_OF_RANGE = re.compile(
 )
 
 
-def is_out_of_range(error: Exception) -> bool:
-    """Whether ``error`` is what Python and its libraries make of numbers that they cannot take."""
-    return isinstance(error, ArithmeticError) or (
-        isinstance(error, ValueError) and bool(_OUT_OF_RANGE.search(str(error)))
-    )
+@contextmanager
+def in_range(kind: type[EchosetError], place: str) -> Iterator[None]:
+    """Raise a ``kind`` that names the ``place`` for errors of arithmetic, NumPy's among them.
+
+    Such errors are what Python and its libraries make of numbers that are too large or too small.
+    """
+    try:
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            yield
+    except (ArithmeticError, ValueError) as error:
+        known = ArithmeticError | LinAlgError
+        if not (isinstance(error, known) or _OUT_OF_RANGE.search(str(error))):
+            raise
+        raise kind(f"{place}: {error}") from error

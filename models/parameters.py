@@ -13,7 +13,7 @@ import inspect
 import math
 import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .errors import InputError, ParameterError
@@ -151,6 +151,17 @@ def resolve(cls: type[P], *layers: Layer) -> P:
     except ParameterError as error:
         place = sources.get(str(error).partition(" ")[0].partition(".")[0])
         raise ParameterError(f"{place}: {error}" if place else str(error)) from None
+
+
+def is_preset(source: str) -> bool:
+    """Whether a layer of this source is a preset, which what a recording states overrules."""
+    return source.lstrip("-").startswith("preset")
+
+
+def layered(stated: Sequence[Layer], layers: Sequence[Layer]) -> list[Layer]:
+    """The layers with what a recording has ``stated`` over presets and under what the user says."""
+    presets = [layer for layer in layers if is_preset(layer[0])]
+    return [*presets, *stated, *(layer for layer in layers if not is_preset(layer[0]))]
 
 
 def sensor_model(recording: Recording, cls: type[Any]) -> tuple[Layer, ...]:

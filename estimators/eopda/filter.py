@@ -286,7 +286,7 @@ def remembered(state: State, dt: float, first: Belief, params: Params) -> Belief
         variance = float(w @ (y[-1] - mean) ** 2) + params.height_walk**2 * dt
         if not variance > height.std**2:
             height = replace(height, mean=mean, std=max(sqrt(variance), 1e-3))
-    bias, P = first.mean, first.covariance
+    bias, P, alternative = first.mean, first.covariance, first.alternative
     if len(bias):
         own = w @ state.mean
         d = state.mean - own
@@ -295,7 +295,7 @@ def remembered(state: State, dt: float, first: Belief, params: Params) -> Belief
             k = np.arange(1, len(own))
             now[k, k] += params.range_bias_walk**2 * dt
         if (np.diag(now)[1:] <= np.diag(P)[1:] + 1e-12).all():
-            bias, P = own, now
+            bias, P, alternative = own, now, None
     motion = moments(state, dt, params)
     wide = sqrt(motion[1][:2, :2].trace()) > 2 * float(params.max_range or np.inf)
     carried = None
@@ -308,4 +308,4 @@ def remembered(state: State, dt: float, first: Belief, params: Params) -> Belief
         total = state.hidden + dt
         apart[:2] = np.hypot(apart[:2], walk * sqrt(total / STEP))
         carried = middle, np.maximum(apart, 1e-3)
-    return Belief(height, bias, P, None if wide else motion, carried)
+    return Belief(height, bias, P, None if wide else motion, carried, alternative)

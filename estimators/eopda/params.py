@@ -59,6 +59,12 @@ class Ranges(Odometry):
         "standard deviation of the share by which all are too long; above 0 it is estimated",
         within="[0, 0.5]",
     )
+    range_error: str = parameter(
+        "both",
+        "",
+        "where offset and scale are estimated: both at once, or either the one or the other",
+        within=("both", "either"),
+    )
     device_height: float | None = parameter(
         None,
         "m",
@@ -126,6 +132,16 @@ class Params(Ranges):
     @property
     def los(self) -> float:
         """Mean number of ranges of an active link that are its line of sight."""
+        return 1.0
+
+    @property
+    def late(self) -> float:
+        """Share of the direct ranges that come over a detour, of mean length ``detour``."""
+        return 0.0
+
+    @property
+    def detour(self) -> float:
+        """Mean length [m] of what late ranges have too much."""
         return 1.0
 
     @property

@@ -69,7 +69,8 @@ def start(
 @dataclass(slots=True, eq=False)
 class _Problem:
     """Coordinates x: position and velocity of the device at the last event, its height unless
-    known; offset and extent as standard normal variables."""
+    known; offset and extent as standard normal variables, and one whose sign chooses between
+    alternatives."""
 
     events: Sequence[Event]
     target: Target
@@ -178,10 +179,12 @@ class _Problem:
         y[:4] = x[:4]
         y[-1] = before.height.mean if before.height.is_known else x[4]
         if params.has_object:
-            y[4:-1] = self._offset_and_extent(x[self.motion :])
+            y[4:-1] = self._offset_and_extent(x[self.motion : self.motion + 2 + E])
             y[:2] -= y[4] * np.stack((np.cos(y[5]), np.sin(y[5])))
         mean = np.tile(before.mean, (n, 1))
         covariance = np.tile(before.covariance, (n, 1, 1))
+        if before.alternative is not None:
+            covariance[x[-1] > 0] = before.alternative
         return State(y, np.full(n, 1 / n), mean, covariance)
 
     def _offset_and_extent(self, u: Array) -> Array:
@@ -196,7 +199,8 @@ class _Problem:
         return np.asarray(low[:, None] + (high - low)[:, None] * ndtr(u))
 
     def _others(self) -> int:
-        return 2 + len(self.target.extent) if self.params.has_object else 0
+        own = 2 + len(self.target.extent) if self.params.has_object else 0
+        return own + (self.before.alternative is not None)
 
     def _shares(self) -> tuple[float, float, float]:
         of_modes, rings, prior = SHARES
@@ -260,6 +264,7 @@ def _ranges(events: Sequence[Event], params: Params, before: Belief) -> Ranges:
         z, v = links.z, links.variance
         if len(before.mean):
             m, P = before.mean, before.covariance
+            P = P if before.alternative is None else (P + before.alternative) / 2
             z = (z - m[1 + rx]) / (1 + m[0])
             v = v + P[1 + rx, 1 + rx] + 2 * z * P[0, 1 + rx] + z**2 * P[0, 0]
         rows.append((event.anchors[rx], np.full(len(z), age), z, v))

@@ -133,7 +133,8 @@ class Belief:
 
     Its height; the errors of ranges, ``mean`` (D,) and ``covariance`` (D, D); and position and
     velocity, ``motion`` a Gaussian (4,), (4, 4), or None: anywhere in reach of an anchor. Offset
-    and extent are ``carried`` as mean and standard deviation (2 + E,), or uniform.
+    and extent are ``carried`` as mean and standard deviation (2 + E,), or uniform. Where there is
+    an ``alternative`` (D, D) to the covariance, both are equally likely.
     """
 
     height: Height
@@ -141,18 +142,23 @@ class Belief:
     covariance: Array
     motion: tuple[Array, Array] | None = None
     carried: tuple[Array, Array] | None = None
+    alternative: Array | None = None
 
 
 def belief(net: Network, params: Params) -> Belief:
     """What parameters and anchors say before the first range."""
     J = len(net.sensors)
     D = 1 + J if params.is_biased else 0
-    P = np.zeros((D, D))
+    P, alternative = np.zeros((D, D)), None
     if D:
         P[0, 0] = params.range_scale_std**2
         if params.range_bias_std > 0:
             P[1:, 1:] = params.range_bias_std**2 + params.range_bias_spread**2 * np.eye(J)
-    return Belief(first_height(net, params), np.zeros(D), P)
+        if params.range_error == "either":
+            alternative = P.copy()
+            alternative[1:, 1:] = params.range_bias_spread**2 * np.eye(J)
+            P[0, 0] = 0.0
+    return Belief(first_height(net, params), np.zeros(D), P, alternative=alternative)
 
 
 def first_height(net: Network, params: Ranges) -> Height:

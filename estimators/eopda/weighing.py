@@ -62,7 +62,9 @@ def weigh_active(
         state.mean,
         state.covariance,
         floor,
-        params.los,
+        (1 - params.late) * params.los,
+        params.late * params.los,
+        params.detour,
     )
     assert own.shape == (n,)
     return log_l if params.has_object else own, replace(state, mean=mean, covariance=covariance)

@@ -18,23 +18,46 @@ MAPS = "range_angle_map"
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class MapParams:
-    """The way from maps to detections; defaults suit 28 GHz maps."""
+class FusionParams:
+    """Which maps are looked at together, and where."""
 
-    TITLE = "from maps to detections"
+    TITLE = "maps"
     STREAMS = (MAPS,)
 
     map_region: tuple[float, float, float, float] = parameter(
         (-20.0, 20.0, -20.0, 20.0), "m", "x_min, x_max, y_min, y_max of the soft map"
     )
-    map_cell: float = parameter(0.1, "m", "side of its pixels", within="(0, inf)")
     stations: int | None = parameter(
         None, "1", "how many streams of maps are fused, the first by name; null: all"
     )
+    fuse_within: float | None = parameter(
+        None,
+        "s",
+        "maps taken within this are fused, one of a station; null: 0.9 of the shortest period of a "
+        "station; 0: only those of one time",
+        within="[0, inf)",
+    )
+
+    def __post_init__(self) -> None:
+        polygon(self.map_region, "map_region")
+        if self.stations is not None:
+            require(self.stations >= 1, "stations", "at least 1, or null for all", self.stations)
+
+
+@dataclass(frozen=True)
+class MapParams(FusionParams):
+    """The way from maps to detections; defaults suit 28 GHz maps."""
+
+    TITLE = "from maps to detections"
+    STREAMS = (MAPS,)
+
+    map_cell: float = parameter(0.1, "m", "side of its pixels", within="(0, inf)")
     excision: float = parameter(
         100.0,
         "1",
-        "bright pixels exceed so many times the noise, which is one for each station",
+        "bright pixels exceed so many times the noise, which is one for each station that sees "
+        "them, where 1 m2 at 50 m is 35 dB above it; the power in other recordings is scaled by "
+        "the reference echo that they state",
         within="[0, inf)",
     )
     excision_new: float = parameter(
@@ -79,16 +102,26 @@ class MapParams:
     identify: str = parameter(
         "cnn", "1", "who tells the classes of targets", within=("cnn", "none")
     )
-    weights: str = parameter("", "1", "file with the network's weights; empty: those that we ship")
+    weights: str = parameter(
+        "", "file", "file with the network's weights; empty: those that we ship"
+    )
     class_memory: float = parameter(
         0.0,
         "1",
-        "factor that a target's log-probabilities keep from scan to scan; 0: none",
+        "log-probabilities of a target's class are the mean of those of all scans, each with this "
+        "times the weight of the next; 0: of the last alone",
         within="[0, 1)",
+    )
+    class_prior: tuple[float, ...] = parameter(
+        (),
+        "1",
+        "shares of pedestrians and vehicles where the radars stand, in place of those among what "
+        "the network has learnt from; empty: the same",
+        within="(0, inf)",
     )
 
     def __post_init__(self) -> None:
-        polygon(self.map_region, "map_region")
+        FusionParams.__post_init__(self)
         x0, x1, y0, y1 = self.map_region
         count = (x1 - x0) / self.map_cell * (y1 - y0) / self.map_cell
         require(count <= LARGEST, "map_cell", f"so that {LARGEST} pixels suffice", self.map_cell)
@@ -96,8 +129,8 @@ class MapParams:
         room = 2 * self.room_pedestrian
         apart = self.pair[0] == self.pair[1] or self.pair[0] >= room
         require(apart, "pair", f"at least twice room_pedestrian, {room:g}", self.pair)
-        if self.stations is not None:
-            require(self.stations >= 1, "stations", "at least 1, or null for all", self.stations)
+        shares = len(self.class_prior) in (0, len(CLASSES))
+        require(shares, "class_prior", f"one share each of {' '.join(CLASSES)}", self.class_prior)
         if self.identify == "cnn":
             rule = f"{CELL} m, the pixels of the network, unless identify is none"
             require(self.map_cell == CELL, "map_cell", rule, self.map_cell)

@@ -13,16 +13,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from itertools import groupby
+from dataclasses import replace
 
 import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array, Estimates, Objects, Recording, Scan
-from ...models.regions import mass, polygons
-from .clutter_map import learnt, persistent
-from .cuts import Told
+from ...models.regions import mass
+from .context import Context
 from .edge import detection_probability
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.gaussians import falling
@@ -33,17 +31,12 @@ from .sensing import (
     Look,
     SensorParams,
     at_once,
-    count,
     innovations,
     log_likelihood,
-    looks,
     positions,
 )
-from .source import Nothing, Source, recognised
-from .streams import per_stream
-from .targets import Interval, appeared, born, settled, within
-
-NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
+from .targets import NAMES, UNITS, Interval, appeared, born
+from .times import observe, remember, through
 
 
 def followed(mixture: Mixture, params: Params) -> tuple[Array, Array]:
@@ -71,28 +64,7 @@ def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:
     return tracks, mixture.table[g, tracks]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Context:
-    """What stays: the recording's setup, parameters (in all and by stream), corners of regions.
-
-    ``source`` makes detections of scans that hold none.
-    """
-
-    setup: Recording
-    params: Params
-    sensing: Mapping[str, Params]
-    regions: Mapping[str, Array]
-    source: Source
-
-    @staticmethod
-    def of(setup: Recording, params: Params, source: Source | None = None) -> Context:
-        """The context of a recording."""
-        params = settled(params, setup)
-        sensing = per_stream(params, setup)
-        return Context(setup, params, sensing, polygons(params.regions), source or Nothing())
-
-
-def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, Epoch]:
+def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple[State, Epoch]:
     """The state after the ``scans`` of one time, taken one after the other, and how it came there.
 
     A source follows the targets that were extracted before.
@@ -102,39 +74,29 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     EstimatorError : no hypothesis is possible
     """
-    params, together, source = context.params, at_once(scans), context.source
+    params, together = context.params, at_once(scans)
     label, m = followed(state.mixture, params)
     state, gone = predict(state, params, together[0].time_ns)
-    sight = source.see(together, label, (m @ gone.F.T)[:, :2], state.classes)
+    moment = observe(context, together, state.memory, label, (m @ gone.F.T)[:, :2])
     used: list[Look] = []
     novelty: list[Array] = []
     cut = {"max_detections": 0.0}
-    for scan, all_ in looks(
-        together, sight, context.setup, context.sensing, source.region, within(params)
-    ):
-        own, seen = context.sensing[scan.stream], all_
+    for seen, own in moment.looks:
         if len(seen.z) > params.max_detections:
             cut["max_detections"] += len(seen.z) - params.max_detections
             seen = _likeliest(seen, state.mixture.local, own, params)
-        even = _even(seen, used, gone, params)
-        clutter = seen.clutter + persistent(state.maps, scan.stream, seen, own)
-        seen = replace(seen, clutter=clutter)
-        state, new = update(state, seen, params, own, even)
-        maps = learnt(state.maps, scan, all_, own)
-        state = replace(reduce(state, params, max(len(seen.z), state.detections)), maps=maps)
+        state, new = update(state, seen, params, own, _even(seen, used, gone, params))
+        state = reduce(state, params, max(len(seen.z), state.memory.crowd))
         used.append(seen)
         novelty.append(new)
     if not params.poisson:
         waiting, cut["max_births"] = born(params, used, novelty, gone)
         state = replace(state, waiting=waiting)
     label, m = followed(state.mixture, params)
-    alive = state.mixture.label
-    classes = recognised(sight, label, m[:, :2], alive, state.classes)
-    n = max(state.detections // 2, *(len(seen.z) for seen in used))
-    state = replace(state, classes=classes, cut={**state.cut, **cut}, detections=n)
-    x = state.mixture
-    time_ns = together[0].time_ns
-    return state, Epoch(time_ns, x.local, gone.F, gone.Q, x.label, x.table[0])
+    x, n = state.mixture, max(len(seen.z) for seen in used)
+    memory = remember(state.memory, moment, n, label, m[:, :2], x.label)
+    state = replace(state, memory=memory, cut={**state.cut, **cut})
+    return state, Epoch(together[0].time_ns, x.local, gone.F, gone.Q, x.label, x.table[0])
 
 
 def estimate(
@@ -150,9 +112,9 @@ def estimate(
     return run(Context.of(setup, params), scans)
 
 
-def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
+def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
     """:func:`estimate` in a context of the caller's."""
-    params, state, told = context.params, init(), Told()
+    params = context.params
     moved: set[int] = set()
     epochs: deque[Epoch] = deque()
     numbers: deque[dict[str, Array]] = deque()
@@ -160,15 +122,12 @@ def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
     def leave() -> Estimates:
         objects = _objects(state.mixture, list(epochs), moved, params)
         epochs.popleft()
-        objects = context.source.named(objects, state.classes)
+        objects = context.source.named(objects, state.memory.classes)
         return Estimates(context.setup.meta, objects, numbers.popleft())
 
-    for time_ns, group in groupby(context.source.used(scans), key=lambda scan: scan.time_ns):
-        together = list(group)
-        state, epoch = step(state, together, context)
+    for state, epoch in through(context, scans, init(), step):
         epochs.append(epoch)
         moved = _moved(state.mixture, moved, params, epochs)
-        told.warn(state.cut, time_ns, count(together))
         lost = sum(v for name, v in state.cut.items() if name != "max_detections")
         numbers.append(_numbers(state.mixture, lost) | regional(state.mixture, context.regions))
         while epochs and epoch.time_ns - epochs[0].time_ns >= 1e9 * params.lag:

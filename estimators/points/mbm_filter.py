@@ -6,16 +6,14 @@ References stand in :mod:`echoset.estimators.points.mbm`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from ...models.parameters import parameter
 from ...models.records import Array
-from ...models.regions import polygons
-from .clutter_map import Maps
+from .context import FilterParams
 from .cuts import Cut
-from .edge import detection_probability, unseen
+from .edge import Border, detection_probability
 from .kernels import births
 from .kernels.bernoulli import (
     TINY,
@@ -34,13 +32,13 @@ from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
 from .sensing import Look, SensorParams, innovations, log_likelihood, positions, updated
-from .source import Classes
-from .targets import Interval, TargetParams, elapse, limit, newborn
+from .targets import Interval, elapse, limit, newborn
+from .times import Memory
 
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(TargetParams, SensorParams):
+class Params(FilterParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     TITLE = "mixture"
@@ -126,25 +124,14 @@ class Params(TargetParams, SensorParams):
         within="[0, inf)",
     )
 
-    regions: Any = parameter(
-        {}, "m", "regions to count targets in: name to x_min, x_max, y_min, y_max or to corners"
-    )
-
-    def __post_init__(self) -> None:
-        SensorParams.__post_init__(self)
-        TargetParams.__post_init__(self)
-        polygons(self.regions)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
     """The reduced mixture after the scans at ``time_ns`` (None: before any).
 
     ``undetected`` are targets no detection has told of, ``waiting`` what appeared at the last
-    detections and enters with the next prediction; ``next_label`` is free. ``maps`` of persistent
-    clutter are those of the streams, ``classes`` those of the targets; ``cut`` is the expected
-    number of targets that limits left out this time, and ``detections`` how many a scan has had
-    lately.
+    detections and enters with the next prediction; ``next_label`` is free, ``memory`` what is known
+    beside; ``cut`` is the expected number of targets that limits left out this time.
     """
 
     mixture: Mixture
@@ -152,10 +139,8 @@ class State:
     waiting: births.Components
     next_label: int
     time_ns: int | None
-    maps: Maps = field(default_factory=dict)
-    classes: Classes = field(default_factory=dict)
+    memory: Memory = field(default_factory=Memory)
     cut: Cut = field(default_factory=dict)
-    detections: int = 0
 
 
 def init() -> State:
@@ -213,7 +198,8 @@ def update(
     a = state.mixture.local
     z_hat, C, S = innovations(seen, a.m, a.P, own.unscented)
     log_hit = log_likelihood(seen, z_hat, S, params.gate)
-    p, m_missed, P_missed = unseen(seen, a.m, a.P, a.visible, own.fov_mass)
+    border = Border.of(seen, a.m, a.P, own.fov_mass)
+    p, (m_missed, P_missed) = border.p, border.missed(a.visible, np.ones(len(a)))
     with np.errstate(divide="ignore"):
         log_hit += np.log(_found(seen, own, a, p, log_hit, z_hat, C, S) * a.visible[:, None])
     undetected, (new, m_new, P_new) = _first_detections(state.undetected, seen, params, own, even)
@@ -311,7 +297,8 @@ def _first_detections(
     if not len(w):
         return undetected, (even, m_even, P_even)
     z_hat, C, S = innovations(seen, m, P, own.unscented)
-    p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
+    border = Border.of(seen, m, P, own.fov_mass)
+    p, (m_missed, P_missed) = border.p, border.missed(np.ones(len(w)), np.ones(len(w)))
     density = np.zeros((len(w) + 1, n))
     log_l = log_likelihood(seen, z_hat, S, params.gate)
     density[:-1], density[-1] = (p * w)[:, None] * np.exp(log_l), even

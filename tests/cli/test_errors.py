@@ -123,6 +123,7 @@ def test_anchors_missing(estimate, rec, tmp_path, monkeypatch):
         (("--preset", "slwo"), ["did you mean 'slow'"]),
         (("--config", "none.yaml"), ["none.yaml"]),
         (("--keep",), ["--keep"]),
+        (("--smooth",), ["no way back", "--smooth"]),
         (("--format", "h6"), ["'h6'"]),
         (("--overwrite", "--skip-existing"), ["exclude"]),
         (("-j", "0"), ["0"]),
@@ -292,3 +293,20 @@ def test_a_proposal_goes_to_stdout(run, tmp_path):
     check(run("convert", log, "--propose"), 2, "--propose is for one log and --from")
     check(run("convert", "--from", "csv", log, "--propose", "-o", "x.h5"), 2, "--propose")
     check(run("convert", "--from", "labyrinth", log, "--propose"), 2, "needs no mapping")
+
+
+def test_what_is_not_ours_gets_a_hint(run, tmp_path):
+    """Each line names the file, and what to type or where to look."""
+    (tmp_path / "foreign.json").write_text('{"a": 1}')
+    (tmp_path / "list.json").write_text('[{"sensorID": 1}]')
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    (folder / "Indoor_UWB_Input.txt").write_text("range2 0.0 1.0 0.01 0 0 1\n")
+    none = (
+        "foreign.json: line 1: not an object of provenance and scores: see 'echoset list importers'"
+    )
+    check(run("info", tmp_path / "foreign.json"), 4, none)
+    check(run("info", tmp_path / "list.json"), 4, "try echoset convert --from autoferry")
+    both = ("convert", "--from", "labyrinth", folder, folder, "-o", tmp_path / "x.h5")
+    check(run(*both), 4, "logs: Is a directory: import a folder by itself, or its files by name")
+    check(run("convert", "--from", "labyrinth", folder), 2, "where to write, as in -o logs.h5")

@@ -87,12 +87,15 @@ def explanations(now: Params, told: Params, may_learn_height: bool) -> list[Expl
         )
         if asked
     }
-    rest = {"range_bias_std": REST_STD} if "range_bias_std" in off else {}
+    scale = {"range_scale_std": told.range_scale_std or SCALE_STD}
+    height = {"device_height_std": told.device_height_std or HEIGHT_STD}
+    if "range_bias_std" in off:
+        scale["range_bias_std"], height["range_bias_std"] = REST_STD
     models: dict[str, Mapping[str, float]] = {
         "nothing": {},
         "offset": {"range_bias_std": told.range_bias_std or BIAS_STD},
-        "scale": {"range_scale_std": told.range_scale_std or SCALE_STD, **rest},
-        "height": {"device_height_std": told.device_height_std or HEIGHT_STD, **rest},
+        "scale": scale,
+        "height": height,
     }
     found = []
     for name, model in models.items():

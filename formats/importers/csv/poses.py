@@ -28,10 +28,14 @@ def sensor(spec: Any, kind: str, F: Array, S: Array, tables: Tables, where: str)
         optional = ("z", "yaw", *_QUATERNION)
         return _moving(tables.read(spec, ("time", "x", "y"), optional, where), kind, F, S)
     yaw = np.zeros(1)
+    if isinstance(spec, Mapping) and ("lat" in spec or "lon" in spec):
+        own = {"yaw": spec["yaw"]} if "yaw" in spec else {}
+        fix = {key: value for key, value in spec.items() if key != "yaw"}
+        spec = {"position": tables.plane.place(fix, where), **own}
     if isinstance(spec, Mapping):
         for key in spec:
             if key not in ("position", "yaw"):
-                hint = suggestion(str(key), ("position", "yaw", "file"))
+                hint = suggestion(str(key), ("position", "yaw", "file", "lat", "lon"))
                 raise ParameterError(f"{where}: unknown key {shown(key)}{hint}")
         yaw[0] = quantity(spec.get("yaw", 0.0), "yaw", f"{where}.yaw")
         spec = spec.get("position", [0.0, 0.0])

@@ -11,6 +11,7 @@ import numpy as np
 from ....models.errors import ParameterError
 from ....models.parameters import require, resolve
 from ....models.records import Array, Objects, Truth
+from . import plausible
 from .align import MODES
 from .log import Log, loose
 from .mapping import Tables
@@ -114,6 +115,11 @@ def read(spec: object, F: Array, tables: Tables) -> Truth:
     if reading.clock:
         time = resolve(Clock, ("truth.clock", reading.clock)).to_ours(time)
     label = _labels(table, reading, there)
+    plausible.rows(table, time)
+    for x, y in (("x", "y"), ("device_x", "device_y")):
+        if x in columns:
+            place = np.column_stack([columns[x], columns[y]])
+            plausible.path(table, time, label, place)
     kept = _kept(table, reading, time, label, there)
     order = kept[np.lexsort((label[kept], time[kept]))]
     times = np.unique(time)

@@ -155,6 +155,35 @@ def test_a_scale_is_found_and_taken_for_one():
     assert abs(last.columns("range_scale")[0, 0] - 0.07) < 0.01 and rmse(device, p) < 1.0
 
 
+def test_late_ranges_are_learnt_and_pull_the_device_less():
+    """A third of the ranges has an exponential detour: it is found, and errors shrink."""
+    t = np.arange(80) * 0.1
+    record = recording(walk(t), t, sigma=0.05)
+    s = record.streams["uwb"]
+    rng = np.random.default_rng(4)
+    detour = np.where(rng.random(320) < 0.33, rng.exponential(0.3, 320), 0.0)
+    rows = {"distance": s.rows["distance"] + detour}
+    record = replace(record, streams={"uwb": replace(s, rows=rows)})
+    gaussian, *_ = run(record, **CALIBRATED)
+    told, *_ = run(record, **CALIBRATED, late=0.33, detour=0.3)
+    assert rmse(told, walk(t)) < 0.8 * rmse(gaussian, walk(t))
+    learnt, *_, found = run(record, range_bias_std=0.0, learn=["rates", "sigma"], particles=500)
+    assert found["late"] > 0 and found["learning_gain"] > 10
+    assert rmse(learnt, walk(t)) < 0.9 * rmse(gaussian, walk(t))
+
+
+def test_an_offset_or_a_scale_where_both_explain_the_ranges():
+    """Equally long ranges, 7 % or 0.35 m: both stay possible, with their probabilities."""
+    t = np.arange(20) * 0.1
+    ring = np.array([[np.cos(a), np.sin(a)] for a in np.arange(5) * 2 * np.pi / 5])
+    record = recording(np.tile([0.0, 0.0], (20, 1)), t, anchors=5 * ring, scale=0.07)
+    either = {"range_bias_std": 0.3, "range_scale_std": 0.07, "range_error": "either"}
+    _, _, last, *_ = run(record, learn=[], range_bias_spread=0.0, **either)
+    offset, scale = last.columns("range_bias", "range_scale")[0]
+    share = scale / 0.07
+    assert 0.05 < share < 0.95 and abs(offset - (1 - share) * 0.35) < 0.03
+
+
 def test_noise_that_is_told_wrong_is_learnt():
     t = np.arange(40) * 0.1
     record = recording(walk(t), t, sigma=0.2)

@@ -10,8 +10,10 @@ from map_scene import PEDESTRIAN, VEHICLE
 
 from echoset.estimators import mbm, phd
 from echoset.estimators.maps import detector as front
+from echoset.estimators.maps import evidence
 from echoset.estimators.maps.kernels.fusion import Pixels
 from echoset.estimators.maps.pairs import split
+from echoset.estimators.maps.stations import REFERENCE, Station
 from echoset.estimators.points import mbm as points_mbm
 from echoset.estimators.points import phd as points_phd
 from echoset.estimators.points.source import recognised
@@ -25,6 +27,7 @@ FILTERS = pytest.mark.parametrize("module", [phd, mbm])
 START = np.array([[-10.0, -8.0], [9.0, 6.0]])
 VELOCITY = np.array([[1.5, 1.0], [-2.0, 1.5]])
 SCANS = 40
+PIXELS = Pixels.of((-20.0, 20.0, -20.0, 20.0), 0.1)
 BIRTHS = np.array([[0.05, *p, 0.0, 0.0, *(0.1**0.5,) * 4] for p in START])
 
 
@@ -141,8 +144,8 @@ def test_the_step_is_a_pure_function(module, scene, network):
         results = [points.step(state, first(scene), context)[0] for _ in range(2)]
     a, b = (getattr(r.mixture, "local", r.mixture) for r in results)
     np.testing.assert_array_equal(a.m, b.m)
-    assert state.next_label == 0 and not state.classes
-    assert results[0].classes.keys() == results[1].classes.keys() != set()
+    assert state.next_label == 0 and not state.memory.classes
+    assert results[0].memory.classes.keys() == results[1].memory.classes.keys() != set()
 
 
 @FILTERS
@@ -180,7 +183,7 @@ def test_dark_maps_show_nothing(module, scene, network):
 def test_the_sum_is_of_the_first_stations_by_name(scene, network):
     assert chain(scene, network).streams == {"s0", "s1", "s2"}
     two = chain(scene, network, stations=2)
-    assert (two.streams, two.unused) == ({"s0", "s1"}, {"s2"})
+    assert (two.streams, two.choice.unused) == ({"s0", "s1"}, {"s2"})
     whole, scans = chain(scene, network), first(scene)
     maps = [whole.fuse(0, [scan]) for scan in scans]
     sight = two.see(scans, np.zeros(0, int), np.zeros((0, 2)), {})
@@ -198,7 +201,7 @@ def test_unused_stations_change_nothing(scene, network, caplog):
 
 def test_a_time_without_one_of_the_stations(scene, network):
     gap = only(scene, lambda name: slice(None) if name != "s1" else slice(0, 20))
-    steps = run(phd, gap, network)
+    steps = run(phd, gap, network, excision=150.0)  # of two stations as much as 100 of three
     assert len(steps) == SCANS and len(steps[-1].objects.label) == 2
     apart = replace(
         scene,
@@ -207,7 +210,71 @@ def test_a_time_without_one_of_the_stations(scene, network):
             for k, (name, s) in enumerate(scene.streams.items())
         },
     )
-    assert len(run(phd, apart, network)) == 3 * SCANS
+    assert len(run(phd, apart, network, fuse_within=0.0)) == 3 * SCANS
+    together = run(phd, apart, network)
+    assert [len(step.objects.label) for step in together[-5:]] == [2] * 5
+    assert [int(step.objects.time_ns[0]) for step in together] == (
+        1 + map_scene.SCAN * np.arange(SCANS)
+    ).tolist()
+    whole = run(phd, scene, network)
+    for a, b in zip(whole, together, strict=True):
+        np.testing.assert_allclose(a.objects.state, b.objects.state, atol=1e-6)
+
+
+def test_stations_at_half_the_rate_do_no_harm(scene, network):
+    """A station every other scan: thresholds go with the stations that see a pixel."""
+    half = only(scene, lambda name: slice(None) if name != "s2" else slice(0, None, 2))
+    for module in (phd, mbm):
+        steps = run(module, half, network, excision=150.0)
+        assert [len(step.objects.label) for step in steps[-10:]] == [2] * 10
+    made, scans = chain(half, network), first(half)
+    np.testing.assert_allclose(made.seen(0, scans[:2]), 2 / 3, rtol=1e-6)
+    assert made.seen(0, scans) is None
+
+
+def test_powers_are_in_units_of_the_reference_echo_that_is_stated(scene, network, caplog):
+    """Maps in another unit, or of another power, with their reference echo are the same maps."""
+    plain = run(phd, scene, network)
+    for factor in (1e-9, 64.0):
+        streams = {
+            name: replace(
+                s,
+                scan={"map": s.scan["map"] * np.float32(factor)},
+                model={**s.model, "reference_echo": REFERENCE * factor, "noise_power": factor},
+            )
+            for name, s in scene.streams.items()
+        }
+        for a, b in zip(plain, run(phd, replace(scene, streams=streams), network), strict=True):
+            np.testing.assert_allclose(a.objects.state, b.objects.state, atol=1e-4)
+        assert not caplog.records
+        bare = {name: replace(s, model=scene.streams[name].model) for name, s in streams.items()}
+        run(phd, replace(scene, streams=bare), network)
+        found = [r.getMessage() for r in caplog.records if "noise is not" in r.getMessage()]
+        assert len(found) == (3 if factor < 1 else 0)
+        caplog.clear()
+    with pytest.raises(InputError, match="reference_echo must be a positive power, got 0"):
+        Station.of(scene.sensors["s0"], {**scene.streams["s0"].model, "reference_echo": 0}, PIXELS)
+
+
+def test_what_the_soft_map_does_not_show_is_said(scene, network, caplog):
+    model = {**scene.streams["s0"].model, "map_region": [-60.0, 60.0, -20.0, 20.0]}
+    wide = {**scene.streams, "s0": replace(scene.streams["s0"], model=model)}
+    wide = replace(scene, streams=wide)
+    chain(wide, network)
+    assert not caplog.records
+    chain(wide, network, map_region=(100.0, 140.0, 0.0, 20.0))
+    text = caplog.text
+    assert "s0 s1 s2: the whole sector lies outside map_region" in text
+    assert "the area [-60.0, 60.0, -20.0, 20.0] that the recording states lies partly" in text
+    assert "2 of 2 births lie outside map_region" in text
+
+
+def test_stations_in_the_order_of_their_numbers(scene, network):
+    names = {"S10": "s0", "S2": "s1", "S1": "s2"}
+    streams = {a: replace(scene.streams[b], nodes=(a,)) for a, b in names.items()}
+    sensors = {a: scene.sensors[b] for a, b in names.items()}
+    found = chain(replace(scene, streams=streams, sensors=sensors), network, stations=2)
+    assert (found.streams, found.choice.unused) == ({"S1", "S2"}, {"S10"})
 
 
 def test_stations_that_are_not_there(scene, network):
@@ -266,7 +333,7 @@ def test_the_gate_is_that_of_the_class(scene, network):
     for k in (0, 1):
         told = replace(bright, identify=lambda t, L, x, k=k: np.eye(2)[np.full(len(x), k)])
         sight = told.see(first(scene), np.array([7]), np.zeros((1, 2)), {})
-        assert sight.classes[7].argmax() == k
+        assert evidence.likeliest(sight.classes[7][None]) == [k]
         z[k] = sight.z
     np.testing.assert_allclose(z[0], [[0.2, 0.2], [5.4, 0.4]], atol=1e-9)
     np.testing.assert_allclose(z[1], [(np.array([0.2, 0.2]) + 4 * np.array([5.4, 0.4])) / 5])
@@ -335,16 +402,45 @@ def test_doubles_are_left_out_by_order():
 
 
 def test_memory_of_classes(scene, network):
-    """Log-probabilities fade by the factor; without memory each scan stands alone."""
-    p = np.array([0.8, 0.2])
+    """The mean of the log-odds of all scans, their weights fading; the same again adds nothing."""
     label, where = np.array([3]), np.zeros((1, 2))
-    for memory in (0.0, 0.5):
-        told = replace(chain(scene, network, class_memory=memory), identify=lambda t, L, x: p[None])
+    for readings in ([0.8] * 4, [0.8, 0.3, 0.6, 0.95]):
+        for memory in (0.0, 0.5):
+            told, classes = chain(scene, network, class_memory=memory), {}
+            for k, p in enumerate(readings):
+                one = replace(told, identify=lambda t, L, x, p=p: np.array([[p, 1 - p]]))
+                classes = one.see(first(scene), label, where, classes).classes
+                weight = memory ** np.arange(k, -1, -1.0)
+                log_odds = np.log([q / (1 - q) for q in readings[: k + 1]]) @ weight / weight.sum()
+                found = evidence.probabilities(classes[3][None])[0]
+                np.testing.assert_allclose(found[0], 1 / (1 + np.exp(-log_odds)))
+
+
+def test_shares_of_classes_where_the_radars_stand(scene, network):
+    """By Bayes: odds of the network times those of the shares, once however often it looks."""
+    label, where = np.array([3]), np.array([[-10.0, -8.0]])
+    plain, told = (
+        chain(scene, network, class_memory=0.9, class_prior=prior) for prior in ((), (0.9, 0.1))
+    )
+    odds = []
+    for source in (plain, told):
         classes = {}
-        for k in range(4):
-            classes = told.see(first(scene), label, where, classes).classes
-            odds = 4.0 ** sum(memory**i for i in range(k + 1))
-            np.testing.assert_allclose(np.exp(classes[3]), np.array([odds, 1]) / (odds + 1))
+        for _ in range(5):
+            classes = source.see(first(scene), label, where, classes).classes
+        p = evidence.probabilities(classes[3][None])[0]
+        odds.append(p[0] / p[1])
+    assert odds[1] / odds[0] == pytest.approx(9.0)
+
+
+def test_decisions_are_those_of_the_product():
+    """Whatever was read, the class is that of the faded product of all readings."""
+    rng = np.random.default_rng(3)
+    p = rng.dirichlet([0.5, 0.5], (60, 12))
+    found, product = np.zeros((60, 3)), np.zeros((60, 2))
+    for k in range(12):
+        found = evidence.read(p[:, k], found, 0.9)
+        product = np.log(p[:, k]) + 0.9 * product
+    assert (evidence.likeliest(found) == product.argmax(1)).all()
 
 
 def test_what_was_not_followed_is_looked_at_where_it_is(scene, network):
@@ -357,7 +453,7 @@ def test_what_was_not_followed_is_looked_at_where_it_is(scene, network):
     told = replace(chain(scene, network), identify=identify)
     sight = told.see(first(scene), np.array([1]), np.array([[2.0, 3.0]]), {})
     label, where = np.array([1, 5]), np.array([[2.1, 3.1], [8.0, 9.0]])
-    alive, before = np.array([1, 4, 5]), {4: np.zeros(2), 6: np.zeros(2)}
+    alive, before = np.array([1, 4, 5]), {4: np.zeros(3), 6: np.zeros(3)}
     classes = recognised(sight, label, where, alive, before)
     assert [a.tolist() for a in asked] == [[[2.0, 3.0]], [[8.0, 9.0]]]
     assert classes.keys() == {1, 4, 5}
@@ -414,6 +510,8 @@ def test_missing_weights(module, scene, network, tmp_path, monkeypatch):
         ({"dbscan_points": 0}, "dbscan_points must be at least 1"),
         ({"min_pixels": 0}, "min_pixels must be at least 1"),
         ({"class_memory": 1.0}, r"class_memory must be in \[0, 1\)"),
+        ({"class_prior": [0.5]}, "class_prior must be one share each of pedestrian vehicle"),
+        ({"class_prior": [1.0, 0.0]}, "class_prior must be positive"),
         ({"identify": "oracle"}, "identify must be one of cnn none"),
         ({"identify": "none"}, "gate_vehicle must be gate_pedestrian where nobody tells classes"),
     ],
