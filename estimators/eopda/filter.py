@@ -23,9 +23,11 @@ import numpy as np
 from ...models.errors import EstimatorError
 from ...models.motion import STEP, acceleration_variance, constant_velocity, walk_std
 from ...models.records import Array
+from .heading import drive, first_headings, is_told, log_heading
 from .kernels.compiled.bias_proposal import propose_bias
 from .links import Links
 from .lost import Doubt, merge, search, surprise
+from .odometry import Increment
 from .params import Params
 from .resampling import effective_sample_size, log_mean, normalise, systematic
 from .start import SPAN, start
@@ -51,12 +53,24 @@ def predict(
     params: Params,
     rng: np.random.Generator,
     height: Height,
+    moved: Increment | None = None,
 ) -> State:
-    """Move centre, extent, height and errors over ``dt`` [s]; the offset waits for :func:`turn`."""
+    """Move centre, extent, height and errors over ``dt`` [s]; the offset waits for :func:`turn`.
+
+    Where odometry tells how the body ``moved``, that is how it moves; its offset turns with it.
+    """
     F, G = constant_velocity(dt)
-    y = state.y.copy()
-    n, acceleration = y.shape[1], sqrt(acceleration_variance(params.acceleration_std, dt))
-    y[:4] = F @ y[:4] + G @ (acceleration * rng.normal(size=(2, n)))
+    y, n = state.y.copy(), state.y.shape[1]
+    if is_told(moved) and dt > 0:
+        y[:4], heading = drive(state, dt, moved, rng)
+        state = replace(state, heading=heading)
+        y[5] += moved.turn if params.has_object else 0.0
+    else:
+        acceleration = sqrt(acceleration_variance(params.acceleration_std, dt))
+        y[:4] = F @ y[:4] + G @ (acceleration * rng.normal(size=(2, n)))
+        if len(state.heading):
+            wander = params.heading_walk * sqrt(dt) * rng.normal(size=n)
+            state = replace(state, heading=state.heading + wander)
     noise = rng.normal(size=(len(target.extent), n))
     y[6:-1] = np.abs(y[6:-1] + walk_std(target.walk(params)[:, None], dt) * noise)
     if not height.is_known:
@@ -124,6 +138,7 @@ def take(state: State, index: Array) -> State:
         w=w,
         mean=state.mean[index],
         covariance=state.covariance[index],
+        heading=state.heading[index] if len(state.heading) else state.heading,
     )
 
 
@@ -191,8 +206,10 @@ def _begin(
 ) -> list[Step]:
     """The steps of a window from which the filter starts; its evidence goes to the last."""
     states, evidence = start(window, target, params, before, rng)
+    heading = first_headings([event.moved for event in window], len(states[-1].w), rng)
     steps = []
     for event, state in zip(window, states, strict=True):
+        state = replace(state, heading=heading)
         own = evidence if event is window[-1] else 0.0
         steps.append(Step(event.time_ns, state, own, _clutter(event, params), False))
     rates = sum(_rates(event, params) for event in window)
@@ -214,8 +231,11 @@ def _step(
 ) -> tuple[Step, float]:
     """The step of one event, and by how much its lines of sight surprise."""
     old = state
-    state = predict(state, dt, target, params, rng, first.height)
+    state = predict(state, dt, target, params, rng, first.height, event.moved)
     evidence, less = -_rates(event, params), 0.0
+    if event.moved is not None and np.isfinite(event.moved.heading):
+        state, gained = _weighed(state, log_heading(state, event.moved))
+        evidence += gained
     if not event.passive.empty:
         log_l = weigh_object(state, event.anchors, event.passive, target, params)
         state, gained = _weighed(state, log_l)
@@ -231,7 +251,8 @@ def _step(
         if effective_sample_size(state.w) < FEW * len(state.w) and not params.has_object:
             before = remembered(old, dt, first, params)
             states, evidence = start([event], target, params, before, rng)
-            state, evidence = states[-1], evidence - _rates(event, params)
+            evidence -= _rates(event, params)
+            state = replace(states[-1], heading=state.heading)
     return Step(event.time_ns, state, evidence, evidence - _clutter(event, params), False), less
 
 

@@ -89,6 +89,8 @@ def merge(state: State, fresh: State, share: float, rng: np.random.Generator) ->
         np.full(n, 1 / n),
         join(state.mean, fresh.mean, 0),
         join(state.covariance, fresh.covariance, 0),
+        # the odometry's heading is not lost with the position
+        heading=np.tile(state.heading, 2)[index] if len(state.heading) else state.heading,
     )
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from ....models.errors import EstimatorError, InputError
 from ....models.records import Array, Estimates, Recording, Scan
 from ..links import Network, network
+from ..odometry import odometry_of
 from ..start import MARGIN
 from ..state import Height, first_height
 from .choose import Explanation, choose, explanations
@@ -58,7 +59,7 @@ def estimate(
         params.sigma_factor,
         params.range_bias,
     )
-    data = gather(net, scans, _odometry(setup), params)
+    data = gather(net, scans, odometry_of(setup, params.device), params)
     if not len(data.time_ns):
         return
     if not len(data.z):
@@ -120,19 +121,6 @@ def solve(net: Network, data: Data, params: Params, near: Solution | None = None
     if not (np.isfinite(best.cost) and np.isfinite(best.x).all()):
         raise EstimatorError(f"{net.name}: the estimate is not finite")
     return best
-
-
-def _odometry(setup: Recording) -> str | None:
-    """The name of the stream of odometry, if there is one.
-
-    Raises
-    ------
-    InputError : there are several
-    """
-    names = sorted(name for name, s in setup.streams.items() if s.kind == "odometry")
-    if len(names) > 1:
-        raise InputError(f"{setup.meta.name}: needs one stream of odometry, has {' '.join(names)}")
-    return names[0] if names else None
 
 
 def _middle(height: Height) -> float:
