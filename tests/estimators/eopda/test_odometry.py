@@ -139,9 +139,8 @@ def test_odometry_makes_a_walk_much_better_known(estimator: str):
 
 def test_the_heading_is_found_without_being_told():
     record = simulate(WALK, np.random.default_rng(3), "walk")
-    params = range_ls.Params(learn=(), range_bias_std=0.0)
-    rng = np.random.default_rng(0)
-    out = list(range_ls.estimate(record.setup(), record.scans(), params, rng))
+    run = Estimation("range-ls", (("settings", {"learn": []}),), 1).on(record.setup(), "walk")
+    out = list(run.steps(record.scans()))
     found = np.array([e.objects.columns("heading")[0, 0] for e in out])
     true = record.truth.objects.columns("heading")[:, 0]
     k = out[0].objects.state_names.index("heading")
