@@ -15,7 +15,7 @@ from ...models.records import Estimates, Meta, Recording, Scan
 from .extract import extract
 from .filter import track, turn
 from .learn import learn, with_noise
-from .links import Links, Network, link_steps, network
+from .links import NO_LINKS, Network, link_steps, network
 from .odometry import Odometer, odometry_of
 from .start import MARGIN, SPAN
 from .state import Event, Step, Target, belief
@@ -23,9 +23,6 @@ from .state import Event, Step, Target, belief
 _log = logging.getLogger(__name__)
 PATIENCE = 5.0
 """Longest time [s] that an event waits for odometry."""
-NO_LINKS = Links(
-    np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros(0), np.zeros(0)
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +98,9 @@ def _events(
             else:
                 yield scan
 
-    for time_ns, (active, heard) in link_steps(net, listen()):
-        own = Event(time_ns, net.anchors(time_ns), active, heard if passive else NO_LINKS)
+    for time_ns, (active, heard, differences) in link_steps(net, listen()):
+        heard = heard if passive else NO_LINKS
+        own = Event(time_ns, net.anchors(time_ns), active, heard, differences=differences)
         if odometry is None:
             yield own
             continue
@@ -127,8 +125,14 @@ def _head(events: Iterator[Event], span: float) -> tuple[list[Event], Iterator[E
 
 
 def _reach(head: list[Event]) -> float:
-    """The largest range of the first events, and a margin [m]."""
+    """The largest range of the first events, and a margin [m].
+
+    Differences do not tell it: it is then the widest distance of two anchors.
+    """
     most = max(float(links.z.max(initial=0.0)) for e in head for links in e[2:4])
+    if most == 0.0 and any(not e.differences.empty for e in head):
+        a = head[0].anchors
+        most = float(np.linalg.norm(a[:, None] - a, axis=-1).max())
     return round(MARGIN * max(most, 1e-3), 2)
 
 

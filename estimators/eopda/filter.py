@@ -25,14 +25,14 @@ from ...models.motion import STEP, acceleration_variance, constant_velocity, wal
 from ...models.records import Array
 from .heading import drive, first_headings, is_told, log_heading
 from .kernels.compiled.bias_proposal import propose_bias
-from .links import Links
+from .links import NO_LINKS, Links
 from .lost import Doubt, merge, search, surprise
 from .odometry import Increment
 from .params import Params
 from .resampling import effective_sample_size, log_mean, normalise, systematic
 from .start import SPAN, start
 from .state import Belief, Event, Height, State, Step, Target, moments
-from .weighing import excess, weigh_active, weigh_object
+from .weighing import excess, weigh_active, weigh_differences, weigh_object
 
 GUARD = 4.0
 """Weight of ranges that are not the line of sight in the proposal, in units of clutter."""
@@ -244,15 +244,24 @@ def _step(
     if not event.active.empty:
         state, gained = turn(state, event.anchors, event.active, params, rng)
         evidence += gained
-        less = surprise(state, event, params)
+        less = surprise(state, event._replace(differences=NO_LINKS), params)
         log_l, learnt = weigh_active(state, event.anchors, event.active, target, params)
         state, gained = _weighed(learnt, log_l)
         evidence += gained
-        if effective_sample_size(state.w) < FEW * len(state.w) and not params.has_object:
-            before = remembered(old, dt, first, params)
-            states, evidence = start([event], target, params, before, rng)
-            evidence -= _rates(event, params)
-            state = replace(states[-1], heading=state.heading)
+    if not event.differences.empty:
+        if event.active.empty:
+            state, _ = turn(state, event.anchors, event.active, params, rng)
+        less += surprise(state, event._replace(active=NO_LINKS), params)
+        log_l, learnt = weigh_differences(state, event.anchors, event.differences, params)
+        state, gained = _weighed(learnt, log_l)
+        evidence += gained
+    seen = not (event.active.empty and event.differences.empty)
+    few = effective_sample_size(state.w) < FEW * len(state.w)
+    if seen and few and not params.has_object:
+        before = remembered(old, dt, first, params)
+        states, evidence = start([event], target, params, before, rng)
+        evidence -= _rates(event, params)
+        state = replace(states[-1], heading=state.heading)
     return Step(event.time_ns, state, evidence, evidence - _clutter(event, params), False), less
 
 
@@ -266,15 +275,16 @@ def _weighed(state: State, log_factor: Array) -> tuple[State, float]:
 
 def _rates(event: Event, params: Params) -> float:
     """Mean number of ranges of an event: what the likelihood of a Poisson process subtracts."""
-    active, passive = len(event.active.tx), len(event.passive.tx)
+    active = len(event.active.tx) + len(event.differences.tx)
+    passive = len(event.passive.tx)
     clutter = params.clutter * float(params.max_range or 0.0)
     return (active + passive) * clutter + params.expected(active, passive)
 
 
 def _clutter(event: Event, params: Params) -> float:
     """Log-likelihood of an event's ranges if all were clutter."""
-    n = len(event.active.z) + len(event.passive.z)
-    links = len(event.active.tx) + len(event.passive.tx)
+    kinds = (event.active, event.passive, event.differences)
+    n, links = sum(len(own.z) for own in kinds), sum(len(own.tx) for own in kinds)
     return n * log(params.clutter) - links * params.clutter * float(params.max_range or 0.0)
 
 
@@ -288,7 +298,9 @@ def _is_enough(window: list[Event]) -> bool:
     event = window[-1]
     if not event.passive.empty:
         return True
-    heard = sorted({int(j) for e in window for j in e.active.rx})
+    heard = sorted(
+        {int(j) for e in window for j in (*e.active.rx, *e.differences.rx, *e.differences.tx)}
+    )
     if len(heard) == len(event.anchors):
         return True
     p = event.anchors[heard, :2]

@@ -13,7 +13,7 @@ from scipy.special import ndtr, ndtri
 from ...models.motion import constant_velocity, motion_noise
 from ...models.records import Array
 from ...models.uwb import device_position
-from .links import Links, Network
+from .links import NO_LINKS, Links, Network
 from .odometry import Increment
 from .params import Params, Ranges
 
@@ -23,7 +23,8 @@ _log = logging.getLogger(__name__)
 class Event(NamedTuple):
     """Links of one time [ns], with the anchors' positions (J, 3) at that time.
 
-    ``moved`` is what odometry tells of the time since the event before.
+    ``moved`` is what odometry tells of the time since the event before; ``differences`` are of
+    distances to two anchors.
     """
 
     time_ns: int
@@ -31,6 +32,7 @@ class Event(NamedTuple):
     active: Links
     passive: Links
     moved: Increment | None = None
+    differences: Links = NO_LINKS
 
 
 @dataclass(frozen=True, slots=True)

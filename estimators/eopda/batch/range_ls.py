@@ -66,7 +66,7 @@ def estimate(
         raise InputError(f"{net.name}: no active link has a range: nothing to estimate from")
     found: dict[str, Any] = {}
     if params.max_range is None:
-        found["max_range"] = round(MARGIN * max(float(data.z.max()), 1e-3), 2)
+        found["max_range"] = _reach(data)
         params = replace(params, max_range=found["max_range"])
     models = [Explanation("", params, 0.0)]
     if params.learn:
@@ -110,7 +110,7 @@ def solve(net: Network, data: Data, params: Params, near: Solution | None = None
     data = replace(data, std=data.std * params.sigma_factor / net.sigma_factor)
     corners = np.unique(data.place[:, :2], axis=0)
     centre = (corners.min(0) + corners.max(0)) / 2
-    reach = float(np.linalg.norm(corners.max(0) - corners.min(0)) / 2 + data.z.max())
+    reach = float(np.linalg.norm(corners.max(0) - corners.min(0)) / 2) + _reach(data)
     height = first_height(net, params)
     problem = problem_of(data, params, height, centre, reach)
     if near is not None:
@@ -121,6 +121,14 @@ def solve(net: Network, data: Data, params: Params, near: Solution | None = None
     if not (np.isfinite(best.cost) and np.isfinite(best.x).all()):
         raise EstimatorError(f"{net.name}: the estimate is not finite")
     return best
+
+
+def _reach(data: Data) -> float:
+    """The largest range and a margin [m]; with differences alone, how far apart anchors are."""
+    ranges = data.z[data.reference < 0]
+    corners = np.unique(data.place, axis=0)
+    apart = float(np.linalg.norm(corners.max(0) - corners.min(0)))
+    return round(MARGIN * max(float(ranges.max()) if len(ranges) else apart, 1e-3), 2)
 
 
 def _middle(height: Height) -> float:

@@ -71,7 +71,7 @@ def carried(other: Solution, problem: Problem) -> Array:
         if k >= 0 and own >= 0:
             x[:, own] = other.x[:, k]
     if L.bias >= 0 and from_.bias >= 0:
-        x[:, L.bias :] = other.x[:, from_.bias :]
+        x[:, L.biases] = other.x[:, from_.biases]
     return x
 
 
