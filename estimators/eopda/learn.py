@@ -135,10 +135,13 @@ def learn(
     """Parameters that fit the events best, and what was learnt with its gain in nats."""
     wanted = LEARNABLE if "all" in params.learn else params.learn
     seed = int(rng.integers(2**63))
-    share = MOST / max(sum(len(event.active.tx) for event in events), 1)
-    if share < 1:
-        drawn = rng.choice(len(events), max(int(share * len(events)), 1), replace=False)
-        events = [events[k] for k in np.sort(drawn)]
+    links = sum(len(event.active.tx) + len(event.differences.tx) for event in events)
+    if links > MOST:
+        drawn = np.arange(max(len(events) * MOST // links, 1))
+        if all(event.moved is None for event in events):
+            # odometry tells how the body moved since the event before, which must not be left out
+            drawn = np.sort(rng.choice(len(events), len(drawn), replace=False))
+        events = [events[k] for k in drawn.tolist()]
     search = _Search(net, events, target, params, seed, params)
     at_first = search.evidence(params)
     if "bias" in wanted:
@@ -190,9 +193,9 @@ def _short(value: Any) -> Any:
 def _late(search: _Search) -> None:
     """Try whether some of the direct ranges are late, and the noise of the others is less."""
     told = search.best
-    if "late" not in type(told).__dataclass_fields__ or told.late > 0:
-        return
     variance = np.concatenate([event.active.variance for event in search.events])
+    if "late" not in type(told).__dataclass_fields__ or told.late > 0 or not len(variance):
+        return
     noise = float(np.sqrt(np.median(variance))) * told.sigma_factor / search.net.sigma_factor
     tried = [
         _set(told, {"late": share, "detour": k * noise, "sigma_factor": less * told.sigma_factor})
@@ -259,4 +262,8 @@ def with_noise(event: Event, factor: float) -> Event:
     def scaled(links: Links) -> Links:
         return links._replace(variance=links.variance * factor**2)
 
-    return event._replace(active=scaled(event.active), passive=scaled(event.passive))
+    return event._replace(
+        active=scaled(event.active),
+        passive=scaled(event.passive),
+        differences=scaled(event.differences),
+    )
