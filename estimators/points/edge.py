@@ -72,6 +72,9 @@ class Border:
         share = p / (look.p_detect or 1.0)
         astride = (share > PART) & (share < 1 - PART)
         edge = np.flatnonzero(astride) if fov_mass else np.zeros(0, int)
+        if not len(edge):
+            none = np.zeros((0, 0, m.shape[1])), np.zeros((0, *P.shape[1:])), np.zeros((0, 0))
+            return Border(look, m, P, p, edge, *none)
         parts, narrow = pieces.split(m[edge], P[edge], _inwards(look, m[edge], P[edge]))
         k, n, dx = parts.shape
         flat = parts.reshape(-1, dx), np.repeat(narrow, n, axis=0)

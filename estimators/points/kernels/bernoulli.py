@@ -132,13 +132,15 @@ def associate(
     """
     r, table = mixture.local.r, mixture.table
     M = log_hit.shape[1]
-    near = log_hit > -np.inf
+    miss = np.log(np.maximum(1 - r * p_detect, TINY))
+    there = np.log(np.maximum(r, TINY))
+    gain = (there - miss)[:, None] + log_hit - log_free
+    # Who gains less by a pair is farther than ``gap`` behind the same hypothesis without it.
+    near = gain > -gap
     seen = np.flatnonzero(near.any(axis=0))
     active = np.flatnonzero(np.append(near.any(axis=1), False)[table].any(axis=0))
     n, T = len(seen), len(active)
-    miss = np.log(np.maximum(1 - r * p_detect, TINY))
-    there = np.log(np.maximum(r, TINY))
-    gain = (there - miss)[:, None] + log_hit[:, seen] - log_free[seen]
+    gain = np.where(near, gain, -np.inf)[:, seen]
     # The row that index -1 picks: absent tracks take no detection and weigh nothing.
     gain, miss = np.vstack((gain, np.full(n, -np.inf))), np.append(miss, 0.0)
     costs = np.full((len(table), T, n + T), np.inf)
@@ -196,8 +198,8 @@ def prune(mixture: Mixture, min_existence: float, max_tracks: int) -> tuple[Mixt
         best = falling(expected[tracks], mixture.start[tracks])[:max_tracks]
         tracks, all_ = np.sort(tracks[best]), expected[tracks].sum()
         lost = float(all_ - expected[tracks].sum())
-    table, same = np.unique(table[:, tracks], axis=0, return_inverse=True)
-    w = np.bincount(same.ravel(), mixture.w, len(table))
+    first, same = _distinct(table[:, tracks])
+    table, w = table[first][:, tracks], np.bincount(same, mixture.w, len(first))
     order = np.argsort(-w, kind="stable")
     used, index = np.unique(table[order], return_inverse=True)
     absent = int(len(used) > 0 and used[0] < 0)
@@ -209,6 +211,16 @@ def prune(mixture: Mixture, min_existence: float, max_tracks: int) -> tuple[Mixt
         index.reshape(len(table), len(tracks)) - absent,
     )
     return pruned, lost
+
+
+def _distinct(table: Array) -> tuple[Array, Array]:
+    """The first of each of the distinct rows of ``table`` (G, T), in order, and which each is."""
+    if not table.shape[1]:
+        return np.zeros(min(len(table), 1), np.int64), np.zeros(len(table), np.int64)
+    # As bytes of whole numbers whose highest come first, rows compare at once.
+    text = np.ascontiguousarray(table + 1, ">u8").view(np.dtype((np.void, 8 * table.shape[1])))
+    _, first, same = np.unique(text.ravel(), return_index=True, return_inverse=True)
+    return first, same.ravel()
 
 
 def merge(mixture: Mixture, distance: float, existence: float) -> Mixture:
