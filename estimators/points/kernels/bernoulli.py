@@ -118,6 +118,8 @@ def associate(
 ) -> Association:
     """The ``k`` best joint associations of tracks to detections, over all global hypotheses.
 
+    Their weights are (4) of ``docs/systems/filters.md``, and pairs cost (5).
+
     Parameters
     ----------
     log_hit : (L, M) log of the probability that the Bernoulli's object, if it is there, is detected
@@ -174,6 +176,7 @@ def associate(
 def missed(local: Bernoullis, p_detect: Array) -> Bernoullis:
     """The Bernoullis after a scan that could have, with ``p_detect`` (L,), but has not seen them.
 
+    Equation (1) of ``docs/systems/filters.md``.
     ``p_detect`` is that of a visible object.
     """
     p = p_detect * local.visible
