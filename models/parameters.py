@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 import inspect
 import math
 import types
 import typing
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from .errors import InputError, ParameterError
 
@@ -115,7 +116,10 @@ def listed(names: Iterable[str]) -> str:
 
 def suggestion(name: str, known: Iterable[str]) -> str:
     """`` (did you mean ...?)`` for a misspelt name, or nothing."""
-    close = difflib.get_close_matches(name, list(known), n=1)
+    known = list(known)
+    if name in known:
+        return ""
+    close = difflib.get_close_matches(name, known, n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
@@ -127,7 +131,7 @@ def resolve(cls: type[P], *layers: Layer) -> P:
     ParameterError : an unknown key, a value of the wrong type, an impossible value
     InputError : a required parameter that no layer gives
     """
-    types_ = typing.get_type_hints(cls)
+    types_ = _hints(cast(Hashable, cls))
     values: dict[str, Any] = {}
     sources: dict[str, str] = {}
     for source, layer in layers:
@@ -151,6 +155,12 @@ def resolve(cls: type[P], *layers: Layer) -> P:
     except ParameterError as error:
         place = sources.get(str(error).partition(" ")[0].partition(".")[0])
         raise ParameterError(f"{place}: {error}" if place else str(error)) from None
+
+
+@functools.cache
+def _hints(cls: Hashable) -> dict[str, Any]:
+    """The types of the fields, evaluated once a class."""
+    return typing.get_type_hints(cls)
 
 
 def sensor_model(recording: Recording, cls: type[Any]) -> tuple[Layer, ...]:

@@ -74,8 +74,8 @@ class Border:
         astride = (share > PART) & (share < 1 - PART)
         edge = np.flatnonzero(astride) if fov_mass else np.zeros(0, int)
         if not len(edge):
-            none = np.zeros((0, 0, m.shape[1])), np.zeros((0, *P.shape[1:])), np.zeros((0, 0))
-            return Border(look, m, P, p, edge, *none)
+            none = np.zeros((0, len(pieces.WEIGHT), m.shape[1]))
+            return Border(look, m, P, p, edge, none, P[:0], none[..., 0])
         parts, narrow = pieces.split(m[edge], P[edge], _inwards(look, m[edge], P[edge]))
         k, n, dx = parts.shape
         flat = parts.reshape(-1, dx), np.repeat(narrow, n, axis=0)

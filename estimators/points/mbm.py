@@ -14,18 +14,21 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array, Estimates, Objects, Recording, Scan
 from ...models.regions import mass
+from ..kernels.passes import smoothed
 from .context import Context
 from .edge import detection_probability
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.gaussians import falling
 from .kernels.smoothing import Epoch, ended, smooth
 from .mbm_filter import Params, State, init, predict, reduce, update
+from .paths import Paths, back
 from .sensing import (
     UNKNOWN,
     Look,
@@ -98,7 +101,9 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
     x, n = state.mixture, max(len(seen.z) for seen in used)
     memory = remember(state.memory, moment, n, label, m[:, :2], x.label)
     state = replace(state, memory=memory, cut={**state.cut, **cut})
-    return state, Epoch(together[0].time_ns, x.local, gone.F, gone.Q, x.label, x.table[0])
+    return state, Epoch(
+        together[0].time_ns, x.local, gone.F, gone.Q, x.label, x.table[0], x.table, x.parent
+    )
 
 
 def estimate(
@@ -116,6 +121,37 @@ def estimate(
 
 def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
     """:func:`estimate` in a context of the caller's."""
+    wait = context.params.wait
+    if wait == inf:
+        return _whole(context, scans)
+    return _lagging(context, scans, context.params.lag if wait is None else wait)
+
+
+def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
+    """All times at the end, by the trajectories of the hypothesis that is best then."""
+    params, meta = context.params, context.setup.meta
+    moved: set[int] = set()
+    classes: dict[int, Array] = {}
+
+    def forward() -> Iterator[tuple[Estimates, Epoch]]:
+        for state, epoch in through(context, scans, init(), step):
+            moved.update(_moved(state.mixture, set(), params))
+            classes.update(state.memory.classes)
+            x, none = state.mixture, np.zeros(0, np.int64)
+            nobody = _listed(epoch.time_ns, none, x.local.r[none], x.local.m[none], x.local.P[none])
+            yield Estimates(meta, nobody, _counted(state, context)), epoch
+
+    def backward(later: Paths | None, epoch: Epoch) -> tuple[Paths, Objects]:
+        x = back(later, epoch, params.retrodict)
+        shown = np.isin(x.label, list(moved)) & (x.r >= params.extract_smoothed)
+        found = _listed(epoch.time_ns, x.label[shown], x.r[shown], x.m[shown], x.P[shown])
+        return x, context.source.named(found, classes)
+
+    return smoothed(forward(), backward, inf)
+
+
+def _lagging(context: Context[Params], scans: Iterable[Scan], lag: float) -> Iterator[Estimates]:
+    """Each time ``lag`` seconds late."""
     params = context.params
     moved: set[int] = set()
     epochs: deque[Epoch] = deque()
@@ -130,12 +166,17 @@ def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
     for state, epoch in through(context, scans, init(), step):
         epochs.append(epoch)
         moved = _moved(state.mixture, moved, params, epochs)
-        lost = sum(v for name, v in state.cut.items() if name != "max_detections")
-        numbers.append(_numbers(state.mixture, lost) | regional(state.mixture, context.regions))
-        while epochs and epoch.time_ns - epochs[0].time_ns >= 1e9 * params.lag:
+        numbers.append(_counted(state, context))
+        while epochs and epoch.time_ns - epochs[0].time_ns >= 1e9 * lag:
             yield leave()
     while epochs:
         yield leave()
+
+
+def _counted(state: State, context: Context[Params]) -> dict[str, Array]:
+    """What is stated per step."""
+    lost = sum(v for name, v in state.cut.items() if name != "max_detections")
+    return _numbers(state.mixture, lost) | regional(state.mixture, context.regions)
 
 
 def _likeliest(seen: Look, a: Bernoullis, own: SensorParams, params: Params) -> Look:
@@ -234,13 +275,12 @@ def _objects(mixture: Mixture, epochs: list[Epoch], moved: set[int], params: Par
     shown = np.isin(label, list(moved)) & (age >= -params.retrodict)
     if params.extraction == "existence":
         shown &= r >= params.extract_existence
+    return _listed(epochs[0].time_ns, label[shown], r[shown], m[shown], P[shown])
+
+
+def _listed(time_ns: int, label: Array, r: Array, m: Array, P: Array) -> Objects:
+    """Objects of one time."""
+    offset = np.array([0, len(label)], np.int64)
     return Objects(
-        np.array([epochs[0].time_ns], np.int64),
-        np.array([0, shown.sum()], np.int64),
-        label[shown],
-        NAMES,
-        UNITS,
-        m[shown],
-        covariance=P[shown],
-        existence=r[shown],
+        np.array([time_ns], np.int64), offset, label, NAMES, UNITS, m, covariance=P, existence=r
     )

@@ -34,11 +34,12 @@ from .kernels.poisson import first_detections
 from .sensing import Look, SensorParams, innovations, log_likelihood, positions, updated
 from .targets import Interval, elapse, limit, newborn
 from .times import Memory
+from .trails import TrailParams
 
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(FilterParams):
+class Params(TrailParams, FilterParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     TITLE = "mixture"
@@ -113,16 +114,21 @@ class Params(FilterParams):
     lag: float = parameter(
         0.0,
         "s",
-        "how long an estimate waits for what comes: fixed-lag smoothing, tracks shown from the "
-        "start",
+        "how long an estimate waits for what comes, tracks shown from the start; smooth, where it "
+        "is not none, says so in its place",
         within="[0, inf)",
     )
     retrodict: float = parameter(
         0.0,
         "s",
-        "with a lag: how long before its first detection a target is shown, straight back",
+        "with a lag or smoothed: how long before its first detection a target is shown, straight "
+        "back",
         within="[0, inf)",
     )
+
+    def __post_init__(self) -> None:
+        FilterParams.__post_init__(self)
+        TrailParams.__post_init__(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,7 +174,8 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
         a.unseen + gone.dt,
         np.arange(len(a)),
     )
-    state = replace(state, mixture=replace(state.mixture, local=local), time_ns=time_ns, cut={})
+    mixture = replace(state.mixture, local=local, parent=np.arange(len(state.mixture.w)))
+    state = replace(state, mixture=mixture, time_ns=time_ns, cut={})
     new = births.join(_moved(state.waiting, params, gone), newborn(params, gone))
     state = replace(state, waiting=births.none())
     if params.poisson:
@@ -224,7 +231,10 @@ def update(
     first = np.flatnonzero((best >= 0) & np.isnan(start[:, 0]))
     first = first[found.detection[best[first]] >= 0]
     start[first] = local.m[best[first]]
-    mixture = replace(state.mixture, local=local, start=start, w=found.w, table=found.table)
+    parent = state.mixture.parent[found.parent]
+    mixture = replace(
+        state.mixture, local=local, start=start, w=found.w, table=found.table, parent=parent
+    )
     state = replace(state, mixture=mixture, undetected=undetected)
     r = new / free  # (3)
     some = np.flatnonzero(r > params.min_existence)

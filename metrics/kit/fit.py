@@ -69,7 +69,8 @@ def fit(
             inside = (time >= known[0]) & (time <= known[-1])
     if inside.sum() < _LEAST:
         raise InputError(f"{name}: a fit needs {_LEAST} estimates within the times of the truth")
-    time, place = time[inside], place[inside]
+    # Times since 1970 have too few digits left for the small steps of a derivative.
+    time, place, known = time[inside] - known[0], place[inside], known - known[0]
     free = np.array([mode != "time"] * 3 + [mode != "rigid"])
 
     def errors(values: Array, every: int = 1) -> Array:

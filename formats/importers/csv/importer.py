@@ -31,7 +31,7 @@ from ....models.parameters import parameter, require, suggestion
 from ....models.poses import said
 from ....models.records import Meta, Recording, Sensor, Stream
 from ....models.registry import parameters
-from . import columns, geodetic, truth
+from . import columns, geodetic, plausible, truth
 from .align import align
 from .log import Log
 from .mapping import MATLAB, MEASUREMENT, OPTIONAL, UNUSED, Mapping, Tables, load
@@ -99,6 +99,11 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
             raise InputError("truth: align needs one stream of ranges")
         true, aligned = align(true, uwb_streams[0], sensors, mapping.truth["align"])
         _log.warning("%s: the truth was fitted to the ranges: %s", paths[0], _fitted(aligned))
+    plausible.doppler(paths[0], streams)
+    if true is not None:
+        plausible.overlap(paths[0], true, streams)
+        plausible.against_ranges(paths[0], true, streams, sensors)
+        plausible.against_points(paths[0], true, streams, sensors)
     sensors, streams = _named(sensors, streams)
     provenance = {
         "importer": "csv",
@@ -121,8 +126,8 @@ GENERAL = True
 
 def recognises(path: Path, head: bytes) -> bool:
     """Whether a file, from its first bytes, is a table of text or of MATLAB."""
-    if path.suffix == MATLAB:
-        return True
+    if path.suffix in (MATLAB, ".json"):
+        return path.suffix == MATLAB
     try:
         text = head.decode("utf-8-sig")
     except UnicodeDecodeError as error:

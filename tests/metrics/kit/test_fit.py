@@ -25,6 +25,7 @@ def seen(t: np.ndarray, angle: float, shift: np.ndarray) -> np.ndarray:
     return (walked(t) - shift) @ np.array([[c, -s], [s, c]])
 
 
+@pytest.mark.parametrize("epoch", [0.0, 1.7e9])
 @pytest.mark.parametrize(
     ("mode", "angle", "shift", "delay"),
     [
@@ -34,15 +35,15 @@ def seen(t: np.ndarray, angle: float, shift: np.ndarray) -> np.ndarray:
         ("time", 0.0, (0.0, 0.0), 0.7),
     ],
 )
-def test_frame_and_clock_come_back(mode: str, angle: float, shift: tuple, delay: float):
+def test_frame_and_clock_come_back(mode: str, angle: float, shift: tuple, delay: float, epoch):
     rng = np.random.default_rng(5)
     t = np.arange(0, 120, 0.05)
     place = walked(t) + 0.05 * rng.standard_normal((len(t), 2))
     place[:20] += 3.0  # where a filter begins blind
     place[rng.random(len(t)) < 0.05] += 1.0
     s = np.arange(-15, 136, 0.1)
-    true = s - delay, seen(s, angle, np.array(shift))
-    placed, found = fit((t, place), true, mode, "x")
+    true = epoch + s - delay, seen(s, angle, np.array(shift))
+    placed, found = fit((epoch + t, place), true, mode, "x")
     # 1 cm, 0.1 degree and 10 ms are what is asked for; the errors' standard deviation allows more.
     assert abs(math.remainder(placed.rotation - angle, 2 * math.pi)) < math.radians(0.1)
     assert math.hypot(placed.x - shift[0], placed.y - shift[1]) < 0.01
