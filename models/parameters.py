@@ -14,8 +14,8 @@ import inspect
 import math
 import types
 import typing
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from .errors import InputError, ParameterError
 
@@ -131,7 +131,7 @@ def resolve(cls: type[P], *layers: Layer) -> P:
     ParameterError : an unknown key, a value of the wrong type, an impossible value
     InputError : a required parameter that no layer gives
     """
-    types_ = _hints(cls)
+    types_ = _hints(cast(Hashable, cls))
     values: dict[str, Any] = {}
     sources: dict[str, str] = {}
     for source, layer in layers:
@@ -158,7 +158,7 @@ def resolve(cls: type[P], *layers: Layer) -> P:
 
 
 @functools.cache
-def _hints(cls: type[Any]) -> dict[str, Any]:
+def _hints(cls: Hashable) -> dict[str, Any]:
     """The types of the fields, evaluated once a class."""
     return typing.get_type_hints(cls)
 

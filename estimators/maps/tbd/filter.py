@@ -96,7 +96,7 @@ def _due(targets: Targets, params: Params) -> Array:
     p = targets.m[:, :2]
     crowded = (np.hypot(*(p[:, None] - p).T) < CROWD).sum(0) > 1
     often = (targets.age + targets.label) % params.rethink == 0
-    return (np.isin(targets.age, SOON) & crowded) | (often & (targets.age > 1))
+    return np.asarray((np.isin(targets.age, SOON) & crowded) | (often & (targets.age > 1)))
 
 
 def estimate(
