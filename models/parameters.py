@@ -131,7 +131,7 @@ def resolve(cls: type[P], *layers: Layer) -> P:
     ParameterError : an unknown key, a value of the wrong type, an impossible value
     InputError : a required parameter that no layer gives
     """
-    types_ = _hints(cls)
+    types_ = _hints(cls)  # type: ignore[arg-type]
     values: dict[str, Any] = {}
     sources: dict[str, str] = {}
     for source, layer in layers:
