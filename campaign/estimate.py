@@ -60,8 +60,8 @@ class Task:
 
     @property
     def sources(self) -> tuple[str | None, ...]:
-        """The recording and the file of parameters."""
-        return self.source, self.config
+        """The recording, the file of parameters, and the files that parameters name."""
+        return self.source, self.config, *self.asked.files
 
     def placed(self, execution: Execution) -> Task:
         """The task with the paths of the workers."""

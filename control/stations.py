@@ -71,7 +71,7 @@ def soft_maps(recording: Recording, params: Any) -> dict[int, Array]:
     chain = Chain.of(
         recording.setup(), replace(params, identify="none", gate_vehicle=params.gate_pedestrian)
     )
-    scans = (s for s in recording.scans() if s.stream in chain.streams)
+    scans = (s for s in chain.used(recording.scans()) if s.stream in chain.streams)
     return {t: chain.fuse(t, list(some)) for t, some in groupby(scans, lambda s: s.time_ns)}
 
 
@@ -92,15 +92,18 @@ def estimate(
 def without(recording: Recording, condition: Condition, soft: Soft, part: str) -> Steps:
     """Estimates step by step with one of the parts :data:`REPLACED` replaced by the truth.
 
-    detection : only the outlines of the objects are bright; clustering : bright pixels go to the
-    nearest object, within the gate of its class; identification : the class of the nearest object;
-    tracking : the predictions are the objects, the estimates the detections.
+    detection : what is clustered is bright in the outlines of the objects alone; the network sees
+    the maps. clustering : the objects' true places and classes stand for the predictions, with
+    the gates of their classes, and nothing else makes detections; the filter tracks them.
+    identification : the class of the nearest object. tracking : the objects' true places stand for
+    the predictions, with the gates and rooms of what the network calls them; the estimates are
+    the detections.
     """
     if part == "tracking":
         return _untracked(recording, condition, soft)
     objects = {
         "nothing": lambda chain: chain,
-        "detection": lambda chain: replace(chain, fuse=_outlines(recording, condition)),
+        "detection": lambda chain: _outlined(recording, condition, chain),
         "clustering": lambda chain: replace(chain, cluster=_clustered(recording, chain)),
         "identification": lambda chain: replace(chain, identify=_identified(recording)),
     }
@@ -139,6 +142,16 @@ def _outlines(recording: Recording, condition: Condition) -> Callable[..., Array
     return fuse
 
 
+def _outlined(recording: Recording, condition: Condition, chain: Chain) -> Chain:
+    """The chain whose pairs and clusters are those of outlines."""
+    bright, cluster, split = _outlines(recording, condition), chain.cluster, chain.split
+    return replace(
+        chain,
+        split=lambda t, soft, *rest: split(t, bright(t, ()), *rest),
+        cluster=lambda t, soft, *rest: cluster(t, bright(t, ()), *rest),
+    )
+
+
 def _clustered(recording: Recording, chain: Chain) -> Callable[..., tuple[Array, Array]]:
     at, gates = true_at(recording), np.array(chain.params.gates)
     never = replace(chain.params, dbscan_points=10**9)
@@ -172,8 +185,9 @@ def _untracked(recording: Recording, condition: Condition, soft: Soft) -> Steps:
     steps = []
     for k, (t, map_) in enumerate(soft.items()):
         p, _, _ = at(t)
-        gate = np.array(params.gates)[chain.identify(t, map_, p).argmax(1)]
-        z, _ = chain.cluster(t, map_, p, gate, np.zeros(len(p)))
+        kind = chain.identify(t, map_, p).argmax(1)
+        gate, room = np.array(params.gates)[kind], np.array(params.rooms)[kind]
+        z, _ = chain.cluster(t, map_, p, gate, room)
         n = len(z)
         label = np.arange(n) + 1000 * k
         told = evidence.read(chain.identify(t, map_, z))

@@ -13,16 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..estimators.maps.detector import Station, fuse
 from ..estimators.maps.kernels.cnn import windows
 from ..estimators.maps.kernels.fusion import Pixels
+from ..estimators.maps.stations import Station, fuse
 from ..models.classifier import CELL
+from ..models.names import natural
 from ..models.random import generator
 from ..models.records import Array, Recording
 from ..simulate import jsc
-
-REGION = (-20.0, 20.0, -20.0, 20.0)
-"""Soft map [m]: x_min, x_max, y_min, y_max."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,13 +59,18 @@ def scenes(
     for number in numbers:
         name = f"scene-{number}"
         rng = generator(seed, stage, name)
-        yield _windows(jsc.simulate(sparse, rng, name), number, displacement, rng)
+        recording = jsc.simulate(sparse, rng, name)
+        yield _windows(recording, params.area, number, displacement, rng)
 
 
 def _windows(
-    recording: Recording, number: int, displacement: float, rng: np.random.Generator
+    recording: Recording,
+    area: tuple[float, ...],
+    number: int,
+    displacement: float,
+    rng: np.random.Generator,
 ) -> Windows:
-    pixels = Pixels.of(REGION, CELL)
+    pixels = Pixels.of(area, CELL)
     streams = recording.streams
     stations = {
         name: Station.of(recording.sensors[name], stream.model, pixels)
@@ -76,7 +79,10 @@ def _windows(
     assert recording.truth is not None
     truth = recording.truth.objects
     assert truth.class_index is not None
-    scans = [list(stream.scans(name)) for name, stream in sorted(streams.items())]
+    scans = [
+        list(stream.scans(name))
+        for name, stream in sorted(streams.items(), key=lambda item: natural(item[0]))
+    ]
     power, kind, count = [], [], []
     for k, t in enumerate(truth.time_ns.tolist()):
         here = slice(truth.row_offset[k], truth.row_offset[k + 1])

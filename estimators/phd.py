@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.records import Estimates, Recording, Scan
-from .maps.detector import Chain
+from .maps.detector import Chain, files
 from .maps.params import MAPS, MapParams
 from .points import phd_filter, sensing
 from .points.context import Context
@@ -16,7 +16,17 @@ from .points.phd import run
 from .points.streams import resolved
 from .presets import Presets
 
-__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "context", "estimate", "resolved", "run"]
+__all__ = [
+    "PRESETS",
+    "STREAMS",
+    "SUMMARY",
+    "Params",
+    "context",
+    "estimate",
+    "files",
+    "resolved",
+    "run",
+]
 SUMMARY = "Gaussian-mixture PHD filter of detections or range-angle maps, with regions"
 STREAMS = (*sensing.STREAMS, MAPS)
 PRESETS = Presets("echoset.estimators.points", "phd")

@@ -26,6 +26,10 @@ class Estimator(Protocol):
     One that can smooth has the parameter ``smooth`` (:mod:`.kernels.passes`), which ``--smooth``
     sets, and yields then what is known of each time at the end, or a lag later.
 
+    One that reads files beside the recording has ``files(setup, params)``, which names them by the
+    parameters that they belong to: their digests stand in the provenance. A parameter with a path
+    has the unit ``file``.
+
     One that measures what could be known at best declares ``USES_TRUTH``: its ``setup`` is the
     whole recording, truth and origins included.
     """

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import count
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from ..models.arithmetic import in_range
 from ..models.checks import check_objects, check_steps
-from ..models.errors import EstimatorError, FormatError, InputError, in_range
+from ..models.errors import EstimatorError, FormatError, InputError
 from ..models.parameters import Layer, as_dict, layered, resolve, sensor_model
 from ..models.random import generator
 from ..models.records import Estimates, Recording, Scan
@@ -52,6 +54,13 @@ class Estimation:
     def uses_truth(self) -> bool:
         """Whether the estimator declares that it is to see the recording with its truth."""
         return bool(getattr(self.module, "USES_TRUTH", False))
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files that the layers name: values of parameters whose unit is ``file``."""
+        named = {f.name for f in fields(self.module.Params) if f.metadata.get("unit") == "file"}
+        found = {k: v for _, layer in self.layers for k, v in layer.items() if k in named}
+        return tuple(str(v) for v in found.values() if v)
 
     def on(self, setup: Recording, label: str) -> EstimatorRun:
         """The run over a recording, given without scans, which messages call ``label``.
@@ -139,6 +148,20 @@ class EstimatorRun:
             "seed": self.asked.seed,
             "versions": dict(versions),
         }
+        if digests := self._digests():
+            found["files"] = digests
         if self.found:
             found["found"] = dict(self.found)
         return {**found, "input": {k: v for k, v in input.items() if v}} if digest else found
+
+    def _digests(self) -> dict[str, str]:
+        """SHA-256 of the files that the estimator reads beside the recording, by parameter."""
+        named: Mapping[str, Path] = getattr(self.asked.module, "files", _none)(
+            self.setup, self.params
+        )
+        sha256 = load("echoset.readers", "sha256")
+        return {name: sha256(path) for name, path in named.items()}
+
+
+def _none(setup: Recording, params: Any) -> Mapping[str, Path]:
+    return {}

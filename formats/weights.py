@@ -6,6 +6,7 @@ archive says before memory is taken; nothing is unpickled.
 
 from __future__ import annotations
 
+import hashlib
 import io
 import re
 import struct
@@ -67,6 +68,21 @@ def read(path: Path) -> Weights:
     if arrays.get("std", np.ones(())) <= 0:
         raise FormatError(path, "std", f"{arrays['std'].item()!r} is not positive")
     return Weights.of(arrays)
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of the file at ``path``, in hexadecimal digits.
+
+    Raises
+    ------
+    FormatError : it cannot be read, or is too large for weights
+    """
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise FormatError(path, "size", f"no weights: more than {_LARGEST} bytes")
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise FormatError(path, "", f"no weights: {error.strerror or error}") from error
 
 
 def write(path: Path, weights: Weights, overwrite: bool = False) -> None:

@@ -1,15 +1,22 @@
-"""Names: the scenario in that of a recording, and any as it is shown."""
+"""Names: the scenario in that of a recording, the order of them, and any as it is shown."""
 
 from __future__ import annotations
 
 import re
 
+_DIGITS = re.compile(r"(\d{1,18})", re.ASCII)
 _RUN = re.compile(r"-s\d+-\d+$")
 
 
 def scenario(recording: str) -> str:
     """The name of a recording without ``-s<seed>-<run>``, or of a pool without ``-*``."""
     return _RUN.sub("", recording).removesuffix("-*")
+
+
+def natural(name: str) -> tuple[tuple[str, int], ...]:
+    """A key that sorts S2 before S10: texts by their letters, the numbers in them by value."""
+    parts = _DIGITS.split(name)
+    return tuple(("", int(p)) if p.isdecimal() else (p, -1) for p in parts)
 
 
 def printable(text: str) -> str:

@@ -16,7 +16,13 @@ import numpy as np
 
 from ..models.parameters import parameter, require
 from ..models.poses import yaw_quaternion
-from ..models.radar.multibeam import BaseStation, Echoes, path_gain
+from ..models.radar.multibeam import (
+    BaseStation,
+    Echoes,
+    path_gain,
+    reference_echo,
+    space,
+)
 from ..models.radar.reflectors import Reflectors, pedestrian, vehicle, visibility
 from ..models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
 from . import spectral, waveform
@@ -24,6 +30,8 @@ from .traffic import Line, Walker, draw
 
 SUMMARY = "base stations that sense by OFDM: range-angle maps of pedestrians and vehicles"
 CLASSES = ("pedestrian", "vehicle")
+SLACK = 0.05
+"""Share of the scan's symbols that may not fit into dt: the paper's own need 50.95 ms of 50."""
 ENGINES = {"spectral": spectral.range_angle_map, "waveform": waveform.range_angle_map}
 
 
@@ -38,6 +46,15 @@ class Params(BaseStation):
     station_radius: float = parameter(
         50.0, "m", "distance of the stations from the origin", within="(0, inf)"
     )
+    stations: tuple[tuple[float, float, float], ...] = parameter(
+        (),
+        "m, m, rad",
+        "x, y and yaw of stations S0, S1, ..., yaw from the x axis to where the array faces; "
+        "empty: on their circle",
+    )
+    station_height: float = parameter(
+        0.0, "m", "height of the stations over what reflects", within="[0, inf)"
+    )
     station_azimuths: tuple[float, ...] = parameter(
         tuple(np.pi / 3 * k for k in (0, 2, 4, 1, 3, 5)),
         "rad",
@@ -50,11 +67,19 @@ class Params(BaseStation):
     vehicles: int = parameter(4, "1", "number of vehicles", within="[0, inf)")
     lanes: Any = parameter({}, "m", "lanes by name: x0, y0, x1, y1 in the direction of travel")
     crosswalks: Any = parameter({}, "m", "crosswalks by name: x0, y0, x1, y1")
-    half_width: float = parameter(
-        19.0, "m", "centres stay within this of both axes, choice", within="(0, inf)"
+    area: tuple[float, float, float, float] = parameter(
+        (-20.0, 20.0, -20.0, 20.0),
+        "m",
+        "x_min, x_max, y_min, y_max of what is watched: the soft map of estimators",
+    )
+    margin: float = parameter(
+        1.0, "m", "centres stay this far inside the area, choice", within="[0, inf)"
     )
     clearance: float = parameter(
-        1.0, "m", "least gap between two objects, choice", within="[0, inf)"
+        1.0,
+        "m",
+        "least gap between the bodies of two objects, rectangles along their headings, choice",
+        within="[0, inf)",
     )
     vehicle_speed: tuple[float, float] = parameter((1.0, 3.5), "m s-1", "range, choice")
     pedestrian_speed: tuple[float, float] = parameter((0.5, 1.5), "m s-1", "range, choice")
@@ -101,7 +126,16 @@ class Params(BaseStation):
         for name in ("surface_visibility", "wheelhouse_visibility", "corner_visibility"):
             low, high = getattr(self, name)
             require(0 <= low <= high, name, "increasing, at least 0", (low, high))
-        require(bool(self.station_azimuths), "station_azimuths", "one or more", ())
+        on_circle = bool(self.station_azimuths) or bool(self.stations)
+        require(on_circle, "station_azimuths", "one or more", ())
+        x0, x1, y0, y1 = self.area
+        room = min(x1 - x0, y1 - y0) > 2 * self.margin
+        require(
+            room, "area", f"x_min < x_max, y_min < y_max, wider than {2 * self.margin:g}", self.area
+        )
+        needed = self.scan_time * (1 - SLACK)
+        rule = f"at least {needed:.4g} s, in which {len(self.azimuth_axis)} directions are scanned"
+        require(self.dt >= needed, "dt", rule, self.dt)
         require(self.engine in ENGINES, "engine", " or ".join(ENGINES), self.engine)
         for name, needed in (("lanes", self.vehicles), ("crosswalks", self.pedestrians)):
             lines = getattr(self, name)
@@ -114,6 +148,17 @@ class Params(BaseStation):
         """Times of the scans (scans,)."""
         time: Array = np.rint(np.arange(1, self.scans + 1) * self.dt * 1e9).astype(np.int64)
         return time
+
+    @property
+    def poses(self) -> Array:
+        """x, y, z [m] and yaw [rad] of the stations (S, 4)."""
+        if self.stations:
+            x, y, yaw = np.array(self.stations).T
+        else:
+            azimuth = np.array(self.station_azimuths)
+            x, y = self.station_radius * np.array([np.cos(azimuth), np.sin(azimuth)])
+            yaw = azimuth + np.pi
+        return np.stack((x, y, np.full(len(x), self.station_height), yaw), 1)
 
     @property
     def bodies(self) -> list[Reflectors]:
@@ -140,29 +185,48 @@ def _is_line(ends: object) -> bool:
 def simulate(params: Params, rng: np.random.Generator, name: str) -> Recording:
     """A recording of the scene with its truth, called ``name``."""
     kinds, state, heading = _targets(params, rng)
-    model: dict[str, Any] = {
+    time_ns, none = params.time_ns, np.zeros(params.scans + 1, np.int64)
+    sensors, streams = {}, {}
+    for q, pose in enumerate(params.poses):
+        node, where, yaw = f"S{q}", pose[:3], pose[3:]
+        still = Sensor.static("radar", where)
+        sensors[node] = Sensor("radar", still.time_ns, still.position, yaw_quaternion(yaw))
+        maps = np.empty((params.scans, len(params.range_axis), len(params.azimuth_axis)), "f4")
+        for k in range(params.scans):
+            seen = echoes(params, kinds, state[:, k], heading[:, k], where, float(yaw[0]), rng)
+            user = rng.uniform(-params.aperture, params.aperture)
+            maps[k] = ENGINES[params.engine](params, seen, user, params.noisy, rng)
+        model = _model(params, where[:2], float(yaw[0]))
+        streams[node] = Stream("range_angle_map", (node,), model, time_ns, none, {"map": maps}, {})
+    return Recording(Meta(name), sensors, streams, Truth(_truth(params, kinds, state, heading)))
+
+
+def _model(params: Params, where: Array, facing: float) -> dict[str, Any]:
+    """What the stream of a station states: waveform, axes, power, site plan."""
+    return {
         "range_axis": params.range_axis,
         "azimuth_axis": params.azimuth_axis,
+        "reference_echo": reference_echo(params, seen_from(params, where, facing)),
+        "noise_power": 1.0,
+        "map_region": list(params.area),
         "birth_components": births(params),
         **{key: getattr(params, key) for key in BaseStation.__match_args__},
     }
-    time_ns, none = params.time_ns, np.zeros(params.scans + 1, np.int64)
-    sensors, streams = {}, {}
-    for q, azimuth in enumerate(params.station_azimuths):
-        node = f"S{q}"
-        where = params.station_radius * np.array([np.cos(azimuth), np.sin(azimuth)])
-        facing = azimuth + np.pi
-        still = Sensor.static("radar", where)
-        sensors[node] = Sensor(
-            "radar", still.time_ns, still.position, yaw_quaternion(np.array([facing]))
-        )
-        maps = np.empty((params.scans, len(params.range_axis), len(params.azimuth_axis)), "f4")
-        for k in range(params.scans):
-            seen = echoes(params, kinds, state[:, k], heading[:, k], where, facing, rng)
-            user = rng.uniform(-params.aperture, params.aperture)
-            maps[k] = ENGINES[params.engine](params, seen, user, params.noisy, rng)
-        streams[node] = Stream("range_angle_map", (node,), model, time_ns, none, {"map": maps}, {})
-    return Recording(Meta(name), sensors, streams, Truth(_truth(params, kinds, state, heading)))
+
+
+def seen_from(params: Params, where: Array, facing: float) -> float:
+    """Distance [m] from a station to the middle of what it sees of the area, or of all of it."""
+    x0, x1, y0, y1 = params.area
+    share = (np.arange(64) + 0.5) / 64
+    points = np.stack(np.meshgrid(x0 + (x1 - x0) * share, y0 + (y1 - y0) * share), -1).reshape(
+        -1, 2
+    )
+    d = points - where
+    off = np.arctan2(d[:, 1], d[:, 0]) - facing
+    off -= 2 * np.pi * np.round(off / (2 * np.pi))
+    seen = (np.abs(off) <= params.aperture) & (np.hypot(*d.T) <= params.max_range)
+    middle = points[seen].mean(0) if seen.any() else points.mean(0)
+    return float(np.hypot(*(middle - where)))
 
 
 def births(params: Params) -> Array:
@@ -177,7 +241,9 @@ def births(params: Params) -> Array:
             for p in line.points(params.birth_spacing):
                 rows.append(np.concatenate(([params.birth_weight], p, speed * line.u, std)))
     wide = np.full(4, np.sqrt(params.recovery_variance))
-    rows.append(np.concatenate(([params.birth_weight], np.zeros(4), wide)))
+    x0, x1, y0, y1 = params.area
+    centre = (x0 + x1) / 2, (y0 + y1) / 2, 0.0, 0.0
+    rows.append(np.concatenate(([params.birth_weight], centre, wide)))
     return np.array(rows)
 
 
@@ -190,12 +256,15 @@ def echoes(
     facing: float,
     rng: np.random.Generator,
 ) -> Echoes:
-    """The echoes of targets (n, 4) at a station at ``where`` facing ``facing``, in one scan."""
+    """The echoes of targets (n, 4) at a station, at ``where`` (3,) facing ``facing``, in a scan."""
+    if not len(kinds):
+        none = np.zeros(0)
+        return Echoes(none, none, none, none.astype(complex))
     position, velocity, rcs = [], [], []
     for kind, x, h in zip(kinds, state, heading, strict=True):
         body = params.bodies[kind]
         c, s = np.cos(h), np.sin(h)
-        sight = np.arctan2(*(where - x[:2])[::-1]) - h
+        sight = np.arctan2(*(where[:2] - x[:2])[::-1]) - h
         position.append(x[:2] + body.position @ np.array([[c, s], [-s, c]]))
         velocity.append(np.tile(x[2:], (len(body.rcs), 1)))
         rcs.append(body.rcs * visibility(body, sight))
@@ -203,10 +272,8 @@ def echoes(
     swerling = mean * rng.exponential(size=len(mean))
     phase = np.exp(2j * np.pi * rng.random(len(mean)))
     seen = mean > 0
-    d = p - where
-    distance = np.hypot(*d.T)
-    azimuth = np.arctan2(d[:, 1], d[:, 0]) - facing
-    azimuth -= 2 * np.pi * np.round(azimuth / (2 * np.pi))
+    d = p - where[:2]
+    distance, azimuth = space(d, facing, where[2])
     speed = (d * v).sum(1) / distance
     beta = path_gain(params, distance, swerling) * phase
     front = seen & (np.abs(azimuth) < np.pi / 2)
@@ -216,23 +283,28 @@ def echoes(
 def _targets(params: Params, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     """Classes (n,), states (n, scans, 4) and headings (n, scans)."""
     kinds = np.repeat([0, 1], [params.pedestrians, params.vehicles])
-    half_diagonal = np.hypot(params.vehicle_length, params.vehicle_width) / 2
     walkers = [
         Walker(
             params.crosswalks,
             params.pedestrian_speed,
             params.pedestrian_turn,
-            params.pedestrian_radius,
+            (params.pedestrian_radius, params.pedestrian_radius),
         ),
-        Walker(params.lanes, params.vehicle_speed, params.vehicle_turn, half_diagonal),
+        Walker(
+            params.lanes,
+            params.vehicle_speed,
+            params.vehicle_turn,
+            (params.vehicle_length / 2, params.vehicle_width / 2),
+        ),
     ]
     order = np.argsort(-kinds, kind="stable")
     t = params.time_ns / 1e9
     if not len(kinds):
         return kinds, np.zeros((0, len(t), 4)), np.zeros((0, len(t)))
-    state, heading = draw(
-        [walkers[kinds[i]] for i in order], t, params.half_width, params.clearance, rng
-    )
+    x0, x1, y0, y1 = params.area
+    m = params.margin
+    inside = x0 + m, x1 - m, y0 + m, y1 - m
+    state, heading = draw([walkers[kinds[i]] for i in order], t, inside, params.clearance, rng)
     back = np.argsort(order)
     return kinds, state[back], heading[back]
 

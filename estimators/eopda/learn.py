@@ -240,4 +240,8 @@ def with_noise(event: Event, factor: float) -> Event:
     def scaled(links: Links) -> Links:
         return links._replace(variance=links.variance * factor**2)
 
-    return event._replace(active=scaled(event.active), passive=scaled(event.passive))
+    return event._replace(
+        active=scaled(event.active),
+        passive=scaled(event.passive),
+        differences=scaled(event.differences),
+    )

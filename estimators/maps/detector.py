@@ -18,22 +18,25 @@ from pathlib import Path
 import numpy as np
 
 from ...models.classifier import CLASSES, TRAINED, Weights
-from ...models.errors import InputError
-from ...models.poses import pose_at
-from ...models.records import Array, Objects, Recording, Scan, Sensor
+from ...models.records import Array, Objects, Recording, Scan
 from ...models.registry import load
 from . import evidence
+from .choice import Choice
 from .kernels import cnn
-from .kernels.compiled import fusion as compiled_fusion
 from .kernels.compiled import pixels as compiled_pixels
-from .kernels.fusion import Pixels, Table, table
+from .kernels.fusion import Pixels
 from .kernels.pixels import summary
 from .pairs import split
 from .params import MAPS, MapParams
+from .stations import Station, doubts, fuse, seen
 
+HEADROOM = 10.0
+"""How far thresholds may come down to the noise where the reference echo is less."""
 SHIPPED = Path(__file__).parent / "weights" / "jsc_cnn.npz"
 _log = logging.getLogger(__name__)
 
+Seen = Callable[[int, Sequence[Scan]], Array | None]
+"""Time [ns] and scans -> share (ny, nx) of the stations that see the pixels; None: all by all."""
 Fuse = Callable[[int, Sequence[Scan]], Array]
 """Time [ns] and the scans of the maps then -> soft map (ny, nx)."""
 Identify = Callable[[int, Array, Array], Array]
@@ -46,57 +49,11 @@ Classes = Mapping[int, Array]
 """Evidence (3,) of the classes of the targets, by label: see :mod:`.evidence`."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Station:
-    """A station's axes, and the table of its map for the pose that it has first."""
-
-    sensor: Sensor
-    distance: Array
-    azimuth: Array
-    position: Array
-    rotation: Array
-    table: Table
-
-    @staticmethod
-    def of(sensor: Sensor, model: Mapping[str, Array], pixels: Pixels) -> Station:
-        """The station of a stream with this ``model``."""
-        distance, azimuth = (np.asarray(model[f"{a}_axis"], float) for a in ("range", "azimuth"))
-        p, R = _plane(sensor, int(sensor.time_ns[0]))
-        return Station(sensor, distance, azimuth, p, R, table(pixels, distance, azimuth, p, R))
-
-    def at(self, time_ns: int, pixels: Pixels) -> Table:
-        """The table for the pose at a time."""
-        p, R = _plane(self.sensor, time_ns)
-        if np.array_equal(p, self.position) and np.array_equal(R, self.rotation):
-            return self.table
-        return table(pixels, self.distance, self.azimuth, p, R)
-
-
-def _plane(sensor: Sensor, time_ns: int) -> tuple[Array, Array]:
-    position, rotation = pose_at(sensor, time_ns)
-    return position[:2], rotation[:2, :2]
-
-
-def fuse(
-    stations: Mapping[str, Station], pixels: Pixels, time_ns: int, scans: Sequence[Scan]
-) -> Array:
-    """The soft map (ny, nx), float32: the sum of the maps in ``scans``, resampled.
-
-    Raises
-    ------
-    InputError : a map that does not have the shape of its axes
-    """
-    soft = np.zeros((pixels.ny, pixels.nx), np.float32)
-    for scan in scans:
-        station, power = stations[scan.stream], scan.scan["map"]
-        shape = len(station.distance), len(station.azimuth)
-        if power.shape != shape:
-            raise InputError(
-                f"stream {scan.stream} at {time_ns} ns: map of {power.shape}, axes of {shape}"
-            )
-        t = station.at(time_ns, pixels)
-        compiled_fusion.add(soft, np.ascontiguousarray(power), t.pixel, t.corner, t.u, t.v)
-    return soft
+def files(setup: Recording, params: MapParams) -> dict[str, Path]:
+    """The file of weights, where a recording has maps and a network looks at them."""
+    if params.identify != "cnn" or MAPS not in {s.kind for s in setup.streams.values()}:
+        return {}
+    return {"weights": Path(params.weights or SHIPPED)}
 
 
 def identify(
@@ -151,18 +108,18 @@ def cluster(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
-    """The processing of maps: the ``streams`` that are fused, those ``unused``, and the parts.
+    """The processing of maps: which are fused, and the parts.
 
     ``identify`` is None where nobody tells classes, and where there are no maps.
     """
 
     params: MapParams
-    streams: frozenset[str]
-    unused: frozenset[str]
+    choice: Choice
     fuse: Fuse
     identify: Identify | None
     split: Split
     cluster: Cluster
+    seen: Seen
 
     @staticmethod
     def of(setup: Recording, params: MapParams) -> Chain:
@@ -172,31 +129,30 @@ class Chain:
         ------
         InputError : fewer streams of maps than are to be fused; weights missing or damaged
         """
-        names = sorted(name for name, s in setup.streams.items() if s.kind == MAPS)
-        wanted = len(names) if params.stations is None or not names else params.stations
-        if wanted > len(names):
-            raise InputError(f"stations is {wanted}, but only {len(names)} streams have maps")
-        used, unused = names[:wanted], names[wanted:]
-        if unused:
-            _log.info("fusing the maps of %s, not of %s", " ".join(used), " ".join(unused))
+        chosen = Choice.of(setup, params)
+        used = chosen.used
         pixels = Pixels.of(params.map_region, params.map_cell)
         streams = {name: setup.streams[name] for name in used}
         stations = {
             name: Station.of(setup.sensors[s.nodes[0]], s.model, pixels)
             for name, s in streams.items()
         }
+        for text in doubts(streams, stations, params):
+            _log.warning("%s", text)
+        levels = [station.noise for station in stations.values()]
+        noise = max(float(len(used)), sum(levels) / HEADROOM)
         told = None
         if used and params.identify == "cnn":
             weights = load("echoset.readers", "weights")(Path(params.weights or SHIPPED))
             told = partial(identify, weights, pixels, params.class_prior)
         return Chain(
             params,
-            frozenset(used),
-            frozenset(unused),
+            chosen,
             partial(fuse, stations, pixels),
             told,
-            partial(split, params, pixels, float(len(used)), told),
-            partial(cluster, params, pixels, float(len(used))),
+            partial(split, params, pixels, noise, told),
+            partial(cluster, params, pixels, noise),
+            partial(seen, stations, pixels),
         )
 
     @property
@@ -204,20 +160,19 @@ class Chain:
         """The soft map: x_min, x_max, y_min, y_max [m]."""
         return self.params.map_region
 
+    @property
+    def streams(self) -> frozenset[str]:
+        """The streams that are fused."""
+        return frozenset(self.choice.used)
+
     def used(self, scans: Iterable[Scan]) -> Iterator[Scan]:
-        """The scans but for the maps that are not fused.
+        """The scans but for the maps that are not fused; those fused at the time of their window.
 
         Raises
         ------
         InputError : at the end, if a stream that should be fused had no scan
         """
-        missing = set(self.streams)
-        for scan in scans:
-            if scan.stream not in self.unused:
-                missing.discard(scan.stream)
-                yield scan
-        if missing:
-            raise InputError(f"stream {min(missing)}: has no maps")
+        return self.choice.scans(scans, self.params.fuse_within)
 
     def see(
         self, scans: Sequence[Scan], label: Array, where: Array, classes: Classes
@@ -232,6 +187,8 @@ class Chain:
             return None
         time_ns = maps[0].time_ns
         soft = self.fuse(time_ns, maps)
+        share = self.seen(time_ns, maps)
+        bright = soft if share is None else soft / share
         known: Classes = {}
         if self.identify is not None:
             p, before = self.identify(time_ns, soft, where), _stacked(classes, label)
@@ -240,9 +197,9 @@ class Chain:
         kind = evidence.likeliest(_stacked(known, label))
         apart = alone(where, np.array(self.params.rooms)[kind], np.lexsort((label, -kind)))
         where, kind = where[apart], kind[apart]
-        where, kind = self.split(time_ns, soft, where, kind)
+        where, kind = self.split(time_ns, bright, where, kind)
         gate, room = (np.array(sizes)[kind] for sizes in (self.params.gates, self.params.rooms))
-        z, R = self.cluster(time_ns, soft, where, gate, room)
+        z, R = self.cluster(time_ns, bright, where, gate, room)
         return Sight(time_ns, soft, z, R, known, self.identify)
 
     def named(self, objects: Objects, classes: Classes) -> Objects:

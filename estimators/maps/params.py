@@ -18,23 +18,46 @@ MAPS = "range_angle_map"
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class MapParams:
-    """The way from maps to detections; defaults suit 28 GHz maps."""
+class FusionParams:
+    """Which maps are looked at together, and where."""
 
-    TITLE = "from maps to detections"
+    TITLE = "maps"
     STREAMS = (MAPS,)
 
     map_region: tuple[float, float, float, float] = parameter(
         (-20.0, 20.0, -20.0, 20.0), "m", "x_min, x_max, y_min, y_max of the soft map"
     )
-    map_cell: float = parameter(0.1, "m", "side of its pixels", within="(0, inf)")
     stations: int | None = parameter(
         None, "1", "how many streams of maps are fused, the first by name; null: all"
     )
+    fuse_within: float | None = parameter(
+        None,
+        "s",
+        "maps taken within this are fused, one of a station; null: 0.9 of the shortest period of a "
+        "station; 0: only those of one time",
+        within="[0, inf)",
+    )
+
+    def __post_init__(self) -> None:
+        polygon(self.map_region, "map_region")
+        if self.stations is not None:
+            require(self.stations >= 1, "stations", "at least 1, or null for all", self.stations)
+
+
+@dataclass(frozen=True)
+class MapParams(FusionParams):
+    """The way from maps to detections; defaults suit 28 GHz maps."""
+
+    TITLE = "from maps to detections"
+    STREAMS = (MAPS,)
+
+    map_cell: float = parameter(0.1, "m", "side of its pixels", within="(0, inf)")
     excision: float = parameter(
         100.0,
         "1",
-        "bright pixels exceed so many times the noise, which is one for each station",
+        "bright pixels exceed so many times the noise, which is one for each station that sees "
+        "them, where 1 m2 at 50 m is 35 dB above it; the power in other recordings is scaled by "
+        "the reference echo that they state",
         within="[0, inf)",
     )
     excision_new: float = parameter(
@@ -79,7 +102,9 @@ class MapParams:
     identify: str = parameter(
         "cnn", "1", "who tells the classes of targets", within=("cnn", "none")
     )
-    weights: str = parameter("", "1", "file with the network's weights; empty: those that we ship")
+    weights: str = parameter(
+        "", "file", "file with the network's weights; empty: those that we ship"
+    )
     class_memory: float = parameter(
         0.0,
         "1",
@@ -96,7 +121,7 @@ class MapParams:
     )
 
     def __post_init__(self) -> None:
-        polygon(self.map_region, "map_region")
+        FusionParams.__post_init__(self)
         x0, x1, y0, y1 = self.map_region
         count = (x1 - x0) / self.map_cell * (y1 - y0) / self.map_cell
         require(count <= LARGEST, "map_cell", f"so that {LARGEST} pixels suffice", self.map_cell)
@@ -106,8 +131,6 @@ class MapParams:
         require(apart, "pair", f"at least twice room_pedestrian, {room:g}", self.pair)
         shares = len(self.class_prior) in (0, len(CLASSES))
         require(shares, "class_prior", f"one share each of {' '.join(CLASSES)}", self.class_prior)
-        if self.stations is not None:
-            require(self.stations >= 1, "stations", "at least 1, or null for all", self.stations)
         if self.identify == "cnn":
             rule = f"{CELL} m, the pixels of the network, unless identify is none"
             require(self.map_cell == CELL, "map_cell", rule, self.map_cell)

@@ -73,6 +73,11 @@ class BaseStation:
         return 1 / self.spacing + self.cyclic_prefix
 
     @property
+    def scan_time(self) -> float:
+        """Time [s] that all directions together take."""
+        return len(self.azimuth_axis) * self.symbols * self.symbol_time
+
+    @property
     def range_axis(self) -> Array:
         """Ranges (R,) [m] of the map's rows, within the gate."""
         return np.arange(int(self.max_range / self.range_bin) + 1) * self.range_bin
@@ -106,6 +111,28 @@ def path_gain(station: BaseStation, distance: Array, rcs: Array) -> Array:
     """Modulus |beta| (L,) of the path gain: the radar equation in eq. 4."""
     area = LIGHT**2 * rcs / ((4 * np.pi) ** 3 * station.carrier**2)
     return np.asarray(np.sqrt(area) / distance**2)
+
+
+def reference_echo(station: BaseStation, distance: float) -> float:
+    """Mean power in the map, over the noise, of 1 m2 at ``distance`` [m], where its beam points."""
+    beta2 = path_gain(station, np.array(distance), np.array(1.0)) ** 2
+    gain = station.sensing_power * station.receive_elements
+    return float(station.power * gain * station.subcarriers * station.symbols * beta2)
+
+
+def space(offset: Array, facing: float, height: float) -> tuple[Array, Array]:
+    """Slant range (n,) [m] and azimuth (n,) [rad] of places on the ground, as line arrays see them.
+
+    ``offset`` (n, 2) [m] is from the foot of the station, which is ``height`` above them. A line
+    array sees the angle to its normal plane: arcsin of what lies along it over the range.
+    """
+    azimuth = np.arctan2(offset[:, 1], offset[:, 0]) - facing
+    azimuth -= 2 * np.pi * np.round(azimuth / (2 * np.pi))
+    distance = np.hypot(*offset.T)
+    if height == 0:
+        return distance, azimuth
+    x, y = distance * np.cos(azimuth), distance * np.sin(azimuth)
+    return np.hypot(distance, height), np.arctan2(y, np.copysign(np.hypot(x, height), x))
 
 
 def steering(elements: int, azimuth: Array) -> Array:

@@ -29,9 +29,9 @@ class Reflectors:
 
 
 def pedestrian(rcs: float) -> Reflectors:
-    """One point that is seen from everywhere."""
+    """One point that is seen from everywhere, from straight behind too."""
     zero, pi = np.zeros(1), np.full(1, np.pi)
-    return Reflectors(np.zeros((1, 2)), np.full(1, rcs), zero, pi, pi)
+    return Reflectors(np.zeros((1, 2)), np.full(1, rcs), zero, pi, 2 * pi)
 
 
 def vehicle(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 from dataclasses import replace
@@ -9,13 +10,15 @@ from fcntl import LOCK_EX, flock
 from pathlib import Path
 
 import h5py
+import map_scene
+import numpy as np
 import pytest
 
 from echoset import formats
 from echoset.campaign.estimate import Task
 from echoset.campaign.outputs import Existing, plan
 from echoset.estimators.run import Estimation
-from echoset.formats import provenance
+from echoset.formats import provenance, weights
 from echoset.models.errors import FormatError, OutputError
 from echoset.models.records import Recording
 
@@ -256,3 +259,24 @@ def test_what_a_killed_run_left_is_removed_and_nothing_else(estimate, inputs, tm
         assert estimate().code == 0
     assert [path.exists() for path in (stale, live, foreign, other)] == [False, True, True, True]
     assert estimate().code == 0 and not live.exists()
+
+
+def test_other_weights_are_other_estimates(run, tmp_path):
+    """Their digest stands in the provenance, and their file among the dependencies."""
+    rng = np.random.default_rng(1)
+    track = np.zeros((2, 1, 2))
+    maps = map_scene.recording(track, [map_scene.PEDESTRIAN], 2, rng, np.zeros((0, 9)))
+    path, network, out = tmp_path / "maps.h5", tmp_path / "byhand.npz", tmp_path / "out.h5"
+    formats.write(maps, path, "h5")
+    weights.write(network, map_scene.classifier())
+    words = ("estimate", "-e", "phd", "--preset", "tuned", path, "-o", out, "--skip-existing")
+    words += ("--set", f"weights={network}", "--deps", tmp_path / "d")
+    assert run(*words).code == 0
+    digest = hashlib.sha256(network.read_bytes()).hexdigest()
+    assert formats.read(out).meta.provenance["files"] == {"weights": digest}
+    assert str(network) in (tmp_path / "d").read_text()
+    before = out.read_bytes()
+    assert run(*words).code == 0 and out.read_bytes() == before
+    weights.write(network, map_scene.classifier(area=10.0), overwrite=True)
+    assert "files.weights was" in run(*words, "--dry-run").out
+    assert run(*words).code == 0 and out.read_bytes() != before

@@ -15,6 +15,7 @@ from echoset.models.radar.multibeam import BaseStation, Echoes, beamformer, stee
 from echoset.models.random import generator
 from echoset.simulate import jsc, spectral, waveform
 from echoset.simulate.compiled.spectral import strongest_columns
+from echoset.simulate.traffic import gap
 
 SMALL = BaseStation(
     subcarriers=64,
@@ -110,18 +111,107 @@ def test_no_echo_is_noise_alone() -> None:
     assert abs(top.mean() - expected) < 4.5 * top.std() / 20
 
 
+def outline(state, heading, body):
+    """Points (T, 64, 2) along the outline of a rectangle."""
+    t = np.linspace(-1, 1, 17)[:-1]
+    one = np.ones_like(t)
+    unit = np.concatenate([np.stack(p, 1) for p in ((t, one), (t, -one), (one, t), (-one, -t))])
+    c, s = np.cos(heading), np.sin(heading)
+    R = np.stack((np.stack((c, -s), -1), np.stack((s, c), -1)), -2)
+    return state[:, None, :2] + (unit * body) @ R.swapaxes(1, 2)
+
+
+def test_gaps_of_rectangles() -> None:
+    """Against points along their outlines, and against overlaps told by points inside."""
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        x, h = rng.uniform(-4, 4, (2, 1, 2)), rng.uniform(-3, 3, (2, 1))
+        body = rng.uniform(0.2, 2.5, (2, 2))
+        found = gap(x[0], h[0], tuple(body[0]), x[1], h[1], tuple(body[1]))[0]
+        a, b = (outline(x[k], h[k], body[k])[0] for k in (0, 1))
+        near = np.hypot(*(a[:, None] - b).T).min()
+        if found > 0:
+            assert found <= near + 1e-12 and near < found + 0.4
+        else:
+            grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 61)] * 2), -1).reshape(-1, 2) * body[0]
+            c, s = np.cos(h[0, 0] - h[1, 0]), np.sin(h[0, 0] - h[1, 0])
+            turn = np.array(
+                [[np.cos(h[1, 0]), -np.sin(h[1, 0])], [np.sin(h[1, 0]), np.cos(h[1, 0])]]
+            )
+            inside = grid @ np.array([[c, s], [-s, c]]) + (x[0, 0] - x[1, 0]) @ turn
+            assert (np.abs(inside) <= body[1] + 0.1).all(1).any()
+
+
+def test_the_parked_are_as_many_as_are_drawn() -> None:
+    """A fifth of the vehicles, 30 scenes of 4: 4.5 standard errors."""
+    p = params()
+    still = []
+    for run in range(30):
+        _, state, _ = jsc._targets(p, generator(run, "parked", "b"))
+        still += (np.hypot(*state[4:, :, 2:].T).max(0) == 0).tolist()
+    assert abs(np.mean(still) - 0.2) < 4.5 * np.sqrt(0.2 * 0.8 / 120)
+
+
+def test_oncoming_vehicles_pass_on_lanes_3_5_m_apart() -> None:
+    lanes = {"east": [-19.0, -1.75, 19.0, -1.75], "west": [19.0, 1.75, -19.0, 1.75]}
+    p = params(lanes=lanes, vehicles=4, pedestrians=0)
+    passed = 0
+    for run in range(10):
+        _, state, heading = jsc._targets(p, generator(run, "pass", "b"))
+        east = np.abs(heading[:, 0]) < 1
+        before = np.sign(state[east][:, None, :, 0] - state[~east][None, :, :, 0])
+        passed += int((before.max(-1) > before.min(-1)).sum())
+    assert passed > 0
+
+
+def test_nobody_is_there() -> None:
+    p = params(scans=2, pedestrians=0, vehicles=0, station_azimuths=[0.0], max_range=60.0)
+    recording = jsc.simulate(p, generator(1, "a", "b"), "empty")
+    check(recording)
+    assert recording.truth is not None and len(recording.truth.objects.label) == 0
+
+
+def test_stations_stand_where_they_are_put() -> None:
+    """The peak of a scatterer is where geometry has it, seen from a mast at any place."""
+    p = params(scans=1, stations=[[-30.0, 5.0, 0.3], [4.0, -40.0, 1.4]], station_height=9.0)
+    for x, y, z, yaw in p.poses.tolist():
+        target = np.array([[6.0, 3.0, 1.0, -2.0]])
+        e = jsc.echoes(
+            p,
+            np.zeros(1, int),
+            target,
+            np.zeros(1),
+            np.array([x, y, z]),
+            yaw,
+            generator(1, "a", "b"),
+        )
+        v = np.array([6.0 - x, 3.0 - y, -z])
+        assert e.range[0] == pytest.approx(np.linalg.norm(v))
+        along = v @ (-np.sin(yaw), np.cos(yaw), 0.0)
+        assert e.azimuth[0] == pytest.approx(np.arcsin(along / np.linalg.norm(v)))
+        assert e.speed[0] == pytest.approx(v @ (1.0, -2.0, 0.0) / np.linalg.norm(v))
+    recording = jsc.simulate(p, generator(1, "a", "b"), "r")
+    sensor = recording.sensors["S1"]
+    np.testing.assert_allclose(sensor.position[0], [4.0, -40.0, 9.0])
+    model = recording.streams["S1"].model
+    assert model["map_region"] == [-20.0, 20.0, -20.0, 20.0]
+    assert model["reference_echo"] == pytest.approx(
+        3235.07 * (50 / jsc.seen_from(p, np.array([4.0, -40.0]), 1.4)) ** 4, rel=1e-5
+    )
+
+
 def test_traffic_keeps_clear_and_moves_as_it_says() -> None:
     p = params(scans=100)
     for run in range(5):
         kinds, state, heading = jsc._targets(p, generator(run, "a", "b"))
-        assert np.abs(state[..., :2]).max() <= p.half_width
+        assert np.abs(state[..., :2]).max() <= 19.0
         v = np.gradient(state[..., :2], p.dt, axis=1)[:, 2:-2]
         assert np.abs(v - state[:, 2:-2, 2:]).max() < 0.2
-        room = np.where(kinds == 1, np.hypot(4.5, 1.8) / 2, 0.25)
+        body = np.array([[0.25, 0.25], [2.25, 0.9]])[kinds]
         for i in range(len(kinds)):
             for j in range(i):
-                gap = np.hypot(*(state[i, :, :2] - state[j, :, :2]).T).min()
-                assert gap >= room[i] + room[j] + p.clearance
+                a, b = (outline(state[k, ::5], heading[k, ::5], body[k]) for k in (i, j))
+                assert np.hypot(*(a[:, :, None] - b[:, None]).T).min() >= p.clearance - 0.02
         moving = np.hypot(*state[..., 2:].T).T > 1e-3
         along = np.arctan2(state[..., 3], state[..., 2])
         assert np.abs(np.exp(1j * along) - np.exp(1j * heading))[moving].max() < 1e-6
@@ -148,7 +238,7 @@ def test_swerling_and_phase() -> None:
     """Power of a pedestrian's echo is exponential about the radar equation, 2000 draws."""
     p, rng = params(scans=1), generator(1, "a", "b")
     x = np.array([[0.0, 0.0, 1.0, 0.0]])
-    where = np.array([50.0, 0.0])
+    where = np.array([50.0, 0.0, 0.0])
     e = [jsc.echoes(p, np.zeros(1, int), x, np.zeros(1), where, np.pi, rng) for _ in range(2000)]
     power = np.array([abs(s.beta[0]) ** 2 for s in e])
     mean = (299792458 / 28e9) ** 2 / (4 * np.pi) ** 3 / 50**4
@@ -174,6 +264,8 @@ def test_births_lie_on_the_lines() -> None:
         ({"engine": "fast"}, "engine"),
         ({"vehicle_speed": [2.0, 1.0]}, "vehicle_speed"),
         ({"station_azimuths": []}, "station_azimuths"),
+        ({"area": [0.0, 1.0, 0.0, 9.0]}, "area must be x_min < x_max"),
+        ({"dt": 0.04}, "dt must be at least 0.0484 s, in which 51 directions are scanned"),
     ],
 )
 def test_impossible_scene(values: dict[str, object], message: str) -> None:

@@ -17,6 +17,8 @@ from .params import LEARNABLE, Params
 
 CLIMBS = 12
 """Steps of a climb at most."""
+TAILS = (2.0, 1.0)
+"""Degrees of freedom of noise with longer tails."""
 LEAST_GAIN = 0.1
 """Nats that a step of a climb must gain."""
 _log = logging.getLogger(__name__)
@@ -49,6 +51,13 @@ class Search:
             if moved:
                 break
 
+    def try_tails(self) -> None:
+        """Take longer tails of the noise where they gain."""
+        for tail in TAILS:
+            other = replace(self.best, tail=tail)
+            if tail < self.best.tail and self.worth(other) > self.worth(self.best) + GAIN:
+                self.best = other
+
     def explain(self, params: Params, may_learn_height: bool) -> None:
         """Take the model that is worth most."""
         models = explanations(self.best, params, may_learn_height)
@@ -78,12 +87,15 @@ def explanations(now: Params, told: Params, may_learn_height: bool) -> list[Expl
         )
         if asked
     }
-    rest = {"range_bias_std": REST_STD} if "range_bias_std" in off else {}
+    scale = {"range_scale_std": told.range_scale_std or SCALE_STD}
+    height = {"device_height_std": told.device_height_std or HEIGHT_STD}
+    if "range_bias_std" in off:
+        scale["range_bias_std"], height["range_bias_std"] = REST_STD
     models: dict[str, Mapping[str, float]] = {
         "nothing": {},
         "offset": {"range_bias_std": told.range_bias_std or BIAS_STD},
-        "scale": {"range_scale_std": told.range_scale_std or SCALE_STD, **rest},
-        "height": {"device_height_std": told.device_height_std or HEIGHT_STD, **rest},
+        "scale": scale,
+        "height": height,
     }
     found = []
     for name, model in models.items():
@@ -106,6 +118,7 @@ def choose(
         # errors that stay for a while look like less noise to an evidence that takes them for
         # white, so that noise is never less than told, and never walks less
         if "sigma" in wanted:
+            search.try_tails()
             search.climb("sigma_factor", factor, down=False)
         if "acceleration" in wanted:
             search.climb("acceleration_std", factor**2)

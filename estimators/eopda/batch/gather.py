@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....models.records import Array, Scan
-from ..links import Network, link_steps
+from ..links import Links, Network, link_steps
 from ..odometry import Increment, Odometer
 from .params import Params
 
-PER_RANGE = ("step", "anchor", "place", "z", "std")
+PER_RANGE = ("step", "anchor", "place", "z", "std", "reference", "other", "shared")
 """Columns of :class:`Data` with a value for each range."""
 
 
@@ -21,8 +21,11 @@ class Data:
     """Ranges (M,) of the n times ``time_ns``, in their order.
 
     ``step`` (M,) is the time of each, ``anchor`` (M,) the index of its anchor among ``anchors``,
-    ``place`` (M, 3) [m] where that stood, ``z`` and ``std`` (M,) [m] the range. Where odometry
-    tells, ``increments`` (n) lead to each time.
+    ``place`` (M, 3) [m] where that stood, ``z`` and ``std`` (M,) [m] the range. Of a difference
+    ``reference`` (M,) is the anchor, at ``other`` (M, 3) [m], whose distance is taken off; of a
+    range it is -1. ``shared`` (M,) [m] is the standard deviation of the noise that all differences
+    of a time share; it is not in ``std``. Where odometry tells, ``increments`` (n) lead to each
+    time.
     """
 
     time_ns: Array
@@ -32,6 +35,9 @@ class Data:
     place: Array
     z: Array
     std: Array
+    reference: Array
+    other: Array
+    shared: Array
     increments: tuple[Increment, ...]
 
     @property
@@ -63,13 +69,33 @@ def gather(net: Network, scans: Iterable[Scan], odometry: str | None, params: Pa
 
     times: list[int] = []
     parts: list[tuple[Array, ...]] = []
-    for k, (time_ns, (active, _)) in enumerate(link_steps(net, uwb())):
+    for k, (time_ns, (active, _, differences)) in enumerate(link_steps(net, uwb())):
         times.append(time_ns)
-        rx = np.repeat(active.rx, np.diff(active.offset))
-        place = net.anchors(time_ns)[rx]
-        parts.append((np.full(len(rx), k), rx, place, active.z, np.sqrt(active.variance)))
+        anchors = net.anchors(time_ns)
+        parts.append(_columns(k, active, np.full(len(active.tx), -1), anchors, 0.0))
+        # the noise of one anchor can be shared, that of several would need one each
+        c = params.tdoa_correlation if len(np.unique(differences.tx)) == 1 else 0.0
+        parts.append(_columns(k, differences, differences.tx, anchors, c))
     increments = tuple(odometer.until(t) for t in times) if odometry is not None else ()
-    columns = [np.concatenate(c) for c in zip(*parts, strict=True)] or [np.zeros(0)] * 5
-    step, anchor, place, z, std = columns
-    time = np.array(times, np.int64)
-    return Data(time, len(net.sensors), step, anchor, place, z, std, increments)
+    columns = [np.concatenate(c) for c in zip(*parts, strict=True)] if parts else [np.zeros(0)] * 8
+    rows = dict(zip(PER_RANGE, columns, strict=True))
+    return Data(np.array(times, np.int64), len(net.sensors), increments=increments, **rows)
+
+
+def _columns(
+    step: int, links: Links, reference: Array, anchors: Array, correlation: float
+) -> tuple[Array, ...]:
+    """The columns of one time, as :data:`PER_RANGE` names them."""
+    count = np.diff(links.offset)
+    rx, of = np.repeat(links.rx, count), np.repeat(reference, count)
+    std = np.sqrt(links.variance)
+    return (
+        np.full(len(rx), step),
+        rx,
+        anchors[rx],
+        links.z,
+        std * np.sqrt(1 - correlation),
+        of,
+        anchors[of],
+        std * np.sqrt(correlation),
+    )

@@ -45,9 +45,6 @@ class Params(device_params.Ranges):
     speed_std: float = parameter(
         1.0, "m s-1", "standard deviation of the first velocity, per axis", within="(0, inf)"
     )
-    heading_walk: float = parameter(
-        1.0, "rad s-1/2", "random walk of a heading while no odometry tells it", within="(0, inf)"
-    )
     learn: tuple[str, ...] = parameter(
         LEARNABLE,
         "",

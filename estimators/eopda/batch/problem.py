@@ -56,20 +56,28 @@ class Problem:
         """Predicted ranges (M,) of a trajectory (n, d), and their gradients (M, d)."""
         D, L = self.data, self.layout
         own, m = x[D.step], np.arange(len(D.step))
-        away = own[:, :2] - D.place[:, :2]
-        rise = (own[:, L.height] if L.height >= 0 else self.height) - D.place[:, 2]
-        d = np.maximum(np.sqrt((away**2).sum(1) + rise**2), 1e-6)
+        h = own[:, L.height] if L.height >= 0 else np.full(len(m), self.height)
+        d, u = _distances(own[:, :2], h, D.place)
+        k = np.flatnonzero(D.reference >= 0)
+        off, v = _distances(own[k, :2], h[k], D.other[k])
+        d[k], u[k] = d[k] - off, u[k] - v
         longer = 1.0 + own[:, L.scale] if L.scale >= 0 else np.ones(len(d))
         H = np.zeros((len(d), L.size))
-        H[:, :2] = (longer / d)[:, None] * away
+        H[:, :2] = longer[:, None] * u[:, :2]
         z = longer * d
         if L.height >= 0:
-            H[:, L.height] = longer * rise / d
+            H[:, L.height] = longer * u[:, 2]
         if L.scale >= 0:
             H[:, L.scale] = d
         if L.bias >= 0:
             z = z + own[m, L.bias + D.anchor]
             H[m, L.bias + D.anchor] = 1.0
+            z[k] -= own[k, L.bias + D.reference[k]]
+            H[k, L.bias + D.reference[k]] = -1.0
+        if L.shared >= 0:
+            k = np.flatnonzero(D.shared > 0)
+            z[k] -= own[k, L.shared]
+            H[k, L.shared] = -1.0
         return z, H
 
     @property
@@ -176,3 +184,10 @@ class Problem:
             lever = np.einsum("mi,mij,mj->m", H, P[self.data.step], H, optimize=True)
             taken = min(float(np.mean(lever * own / std**2)), 0.9)
         return P
+
+
+def _distances(p: Array, height: Array, place: Array) -> tuple[Array, Array]:
+    """Distances (M,) of points (M, 2) at a ``height`` (M,) to places (M, 3); gradients (M, 3)."""
+    away = np.column_stack((p, height)) - place
+    d = np.maximum(np.linalg.norm(away, axis=1), 1e-6)
+    return d, away / d[:, None]

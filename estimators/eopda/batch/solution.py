@@ -25,6 +25,8 @@ ALONG = 60
 """Times over which the way of odometry is laid beside the fixes."""
 HEADINGS = 8
 """Headings that are tried where none is told."""
+LONG = 1000
+"""With more times than these the way lies beside the fixes without fail."""
 
 
 class Solution(NamedTuple):
@@ -59,17 +61,37 @@ def solution(problem: Problem, starts: Sequence[Array]) -> Solution:
     return min(found, key=lambda one: one.cost)
 
 
+def carried(other: Solution, problem: Problem) -> Array:
+    """The trajectory (n, d) of another problem; what that lacks is as it is believed at first."""
+    L, from_ = problem.layout, other.problem.layout
+    x = _unknown(problem)
+    x[:, :4] = other.x[:, :4]
+    for name in ("heading", "height", "scale"):
+        k, own = getattr(from_, name), getattr(L, name)
+        if k >= 0 and own >= 0:
+            x[:, own] = other.x[:, k]
+    if L.bias >= 0 and from_.bias >= 0:
+        x[:, L.biases] = other.x[:, from_.biases]
+    return x
+
+
+def _unknown(problem: Problem) -> Array:
+    """The mean of the first state at all times (n, d)."""
+    x = np.tile(problem.motion.mean, (len(problem.data.time_ns), 1))
+    k = problem.layout.height
+    if k >= 0:
+        # at the height of the anchors nothing tells up from down
+        x[:, k] += problem.motion.first[k, k] ** -0.5
+    return x
+
+
 def starts(problem: Problem, path: Fixes) -> list[Array]:
     """Trajectories (n, d) to begin from: the path, with headings that fit it."""
     D, L = problem.data, problem.layout
     time = (D.time_ns - D.time_ns[0]) * 1e-9
-    x = np.tile(problem.motion.mean, (len(time), 1))
+    x = _unknown(problem)
     for j in (0, 1):
         x[:, j] = np.interp(time, path.seconds, path.p[:, j])
-    if L.height >= 0:
-        # at the height of the anchors nothing tells up from down
-        mean, std = problem.motion.mean[L.height], problem.motion.first[L.height, L.height] ** -0.5
-        x[:, L.height] = mean + std
     if L.heading < 0:
         return [x]
     turned = np.cumsum([one.turn for one in D.increments])
@@ -82,6 +104,8 @@ def starts(problem: Problem, path: Fixes) -> list[Array]:
         offset = np.interp(time, time[k], np.unwrap(value - turned[k]))
         return [_headed(x, L.heading, turned + offset)]
     found = [_headed(x, L.heading, turned + _beside(x[:, 0] + 1j * x[:, 1], way))]
+    if len(time) > LONG:
+        return found
     angles = np.arange(HEADINGS) * 2 * np.pi / HEADINGS
     return found + [_headed(x, L.heading, turned + angle) for angle in angles]
 

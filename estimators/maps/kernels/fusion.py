@@ -77,9 +77,18 @@ def table(
 ) -> Table:
     """Bilinear weights of a map with the uniform axes ``distance`` [m] and ``azimuth`` [rad].
 
-    The station is at ``position`` (2,), its axes are turned to the map's by ``rotation`` (2, 2).
+    The station is at ``position`` (3,), its axes are turned to the map's by ``rotation`` (3, 3).
+    Pixels are on the ground. Ranges are slant; a line array along y sees the angle to its normal
+    plane.
     """
-    r, a = polar((pixels.centres() - position) @ rotation)
+    local = (pixels.centres() - position[:2]) @ rotation[:2, :2]
+    r, a = polar(local)
+    up = -position[2] * rotation[2]
+    if up.any() or rotation[2, 2] != 1:
+        x, y = (local + up[:2]).T
+        z = (pixels.centres() - position[:2]) @ rotation[:2, 2] + up[2]
+        r = np.sqrt(x * x + y * y + z * z)
+        a = np.arctan2(y, np.copysign(np.hypot(x, z), x))
     steps = [(axis[-1] - axis[0]) / (len(axis) - 1) for axis in (distance, azimuth)]
     slip = EDGE * steps[1]
     t = np.stack(

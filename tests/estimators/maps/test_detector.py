@@ -13,6 +13,7 @@ from echoset.estimators.maps import detector as front
 from echoset.estimators.maps import evidence
 from echoset.estimators.maps.kernels.fusion import Pixels
 from echoset.estimators.maps.pairs import split
+from echoset.estimators.maps.stations import REFERENCE, Station
 from echoset.estimators.points import mbm as points_mbm
 from echoset.estimators.points import phd as points_phd
 from echoset.estimators.points.source import recognised
@@ -26,6 +27,7 @@ FILTERS = pytest.mark.parametrize("module", [phd, mbm])
 START = np.array([[-10.0, -8.0], [9.0, 6.0]])
 VELOCITY = np.array([[1.5, 1.0], [-2.0, 1.5]])
 SCANS = 40
+PIXELS = Pixels.of((-20.0, 20.0, -20.0, 20.0), 0.1)
 BIRTHS = np.array([[0.05, *p, 0.0, 0.0, *(0.1**0.5,) * 4] for p in START])
 
 
@@ -181,7 +183,7 @@ def test_dark_maps_show_nothing(module, scene, network):
 def test_the_sum_is_of_the_first_stations_by_name(scene, network):
     assert chain(scene, network).streams == {"s0", "s1", "s2"}
     two = chain(scene, network, stations=2)
-    assert (two.streams, two.unused) == ({"s0", "s1"}, {"s2"})
+    assert (two.streams, two.choice.unused) == ({"s0", "s1"}, {"s2"})
     whole, scans = chain(scene, network), first(scene)
     maps = [whole.fuse(0, [scan]) for scan in scans]
     sight = two.see(scans, np.zeros(0, int), np.zeros((0, 2)), {})
@@ -199,7 +201,7 @@ def test_unused_stations_change_nothing(scene, network, caplog):
 
 def test_a_time_without_one_of_the_stations(scene, network):
     gap = only(scene, lambda name: slice(None) if name != "s1" else slice(0, 20))
-    steps = run(phd, gap, network)
+    steps = run(phd, gap, network, excision=150.0)  # of two stations as much as 100 of three
     assert len(steps) == SCANS and len(steps[-1].objects.label) == 2
     apart = replace(
         scene,
@@ -208,7 +210,71 @@ def test_a_time_without_one_of_the_stations(scene, network):
             for k, (name, s) in enumerate(scene.streams.items())
         },
     )
-    assert len(run(phd, apart, network)) == 3 * SCANS
+    assert len(run(phd, apart, network, fuse_within=0.0)) == 3 * SCANS
+    together = run(phd, apart, network)
+    assert [len(step.objects.label) for step in together[-5:]] == [2] * 5
+    assert [int(step.objects.time_ns[0]) for step in together] == (
+        1 + map_scene.SCAN * np.arange(SCANS)
+    ).tolist()
+    whole = run(phd, scene, network)
+    for a, b in zip(whole, together, strict=True):
+        np.testing.assert_allclose(a.objects.state, b.objects.state, atol=1e-6)
+
+
+def test_stations_at_half_the_rate_do_no_harm(scene, network):
+    """A station every other scan: thresholds go with the stations that see a pixel."""
+    half = only(scene, lambda name: slice(None) if name != "s2" else slice(0, None, 2))
+    for module in (phd, mbm):
+        steps = run(module, half, network, excision=150.0)
+        assert [len(step.objects.label) for step in steps[-10:]] == [2] * 10
+    made, scans = chain(half, network), first(half)
+    np.testing.assert_allclose(made.seen(0, scans[:2]), 2 / 3, rtol=1e-6)
+    assert made.seen(0, scans) is None
+
+
+def test_powers_are_in_units_of_the_reference_echo_that_is_stated(scene, network, caplog):
+    """Maps in another unit, or of another power, with their reference echo are the same maps."""
+    plain = run(phd, scene, network)
+    for factor in (1e-9, 64.0):
+        streams = {
+            name: replace(
+                s,
+                scan={"map": s.scan["map"] * np.float32(factor)},
+                model={**s.model, "reference_echo": REFERENCE * factor, "noise_power": factor},
+            )
+            for name, s in scene.streams.items()
+        }
+        for a, b in zip(plain, run(phd, replace(scene, streams=streams), network), strict=True):
+            np.testing.assert_allclose(a.objects.state, b.objects.state, atol=1e-4)
+        assert not caplog.records
+        bare = {name: replace(s, model=scene.streams[name].model) for name, s in streams.items()}
+        run(phd, replace(scene, streams=bare), network)
+        found = [r.getMessage() for r in caplog.records if "noise is not" in r.getMessage()]
+        assert len(found) == (3 if factor < 1 else 0)
+        caplog.clear()
+    with pytest.raises(InputError, match="reference_echo must be a positive power, got 0"):
+        Station.of(scene.sensors["s0"], {**scene.streams["s0"].model, "reference_echo": 0}, PIXELS)
+
+
+def test_what_the_soft_map_does_not_show_is_said(scene, network, caplog):
+    model = {**scene.streams["s0"].model, "map_region": [-60.0, 60.0, -20.0, 20.0]}
+    wide = {**scene.streams, "s0": replace(scene.streams["s0"], model=model)}
+    wide = replace(scene, streams=wide)
+    chain(wide, network)
+    assert not caplog.records
+    chain(wide, network, map_region=(100.0, 140.0, 0.0, 20.0))
+    text = caplog.text
+    assert "s0 s1 s2: the whole sector lies outside map_region" in text
+    assert "the area [-60.0, 60.0, -20.0, 20.0] that the recording states lies partly" in text
+    assert "2 of 2 births lie outside map_region" in text
+
+
+def test_stations_in_the_order_of_their_numbers(scene, network):
+    names = {"S10": "s0", "S2": "s1", "S1": "s2"}
+    streams = {a: replace(scene.streams[b], nodes=(a,)) for a, b in names.items()}
+    sensors = {a: scene.sensors[b] for a, b in names.items()}
+    found = chain(replace(scene, streams=streams, sensors=sensors), network, stations=2)
+    assert (found.streams, found.choice.unused) == ({"S1", "S2"}, {"S10"})
 
 
 def test_stations_that_are_not_there(scene, network):

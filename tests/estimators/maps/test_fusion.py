@@ -14,9 +14,9 @@ RANGE, AZIMUTH = 20 + np.arange(120) * 0.5, np.deg2rad(np.arange(-60, 61, 3.0))
 PIXELS = Pixels.of((-20.0, 20.0, -10.0, 10.0), 0.5)
 
 
-def station(x, y, yaw, distance=RANGE, azimuth=AZIMUTH, pixels=PIXELS):
+def station(x, y, yaw, distance=RANGE, azimuth=AZIMUTH, pixels=PIXELS, z=0.0):
     quaternion = yaw_quaternion(np.array([yaw]))
-    sensor = Sensor("radar", np.zeros(1, np.int64), np.array([[x, y, 0.0]]), quaternion)
+    sensor = Sensor("radar", np.zeros(1, np.int64), np.array([[x, y, z]]), quaternion)
     return Station.of(sensor, {"range_axis": distance, "azimuth_axis": azimuth}, pixels)
 
 
@@ -41,6 +41,20 @@ def test_a_bilinear_map_is_met_exactly(pose):
     inside = (r >= RANGE[0]) & (r <= RANGE[-1]) & (np.abs(a) <= AZIMUTH[-1])
     assert inside.sum() > 500
     np.testing.assert_allclose(soft, np.where(inside, 3 + 2 * r + 50 * a + a * r, 0.0), rtol=2e-6)
+
+
+def test_a_station_on_a_mast_sees_slant_ranges_and_cones():
+    """Of a place on the ground: distance in space, and the angle to the array's normal plane."""
+    x, y, yaw, z = -25.0, 4.0, 0.2, 12.0
+    row, column = np.mgrid[: PIXELS.ny, : PIXELS.nx]
+    offset = np.stack((PIXELS.x(column) - x, PIXELS.y(row) - y, np.full(row.shape, -z)), -1)
+    r = np.linalg.norm(offset, axis=-1)
+    a = np.pi / 2 - np.arccos(offset @ (-np.sin(yaw), np.cos(yaw), 0.0) / r)
+    R, A = np.meshgrid(RANGE, AZIMUTH, indexing="ij")
+    soft = resampled(3 + 2 * R + 50 * A, station(x, y, yaw, z=z))
+    inside = (r >= RANGE[0]) & (r <= RANGE[-1]) & (np.abs(a) <= AZIMUTH[-1])
+    assert 500 < inside.sum() < inside.size
+    np.testing.assert_allclose(soft, np.where(inside, 3 + 2 * r + 50 * a, 0.0), rtol=2e-6)
 
 
 def test_outside_of_a_map_is_nothing():

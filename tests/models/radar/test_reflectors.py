@@ -35,3 +35,7 @@ def test_the_ramp_is_linear_and_wraps() -> None:
 
 def test_a_pedestrian_is_seen_from_everywhere() -> None:
     assert visibility(pedestrian(1.0), np.linspace(-7, 7, 50)).min() == 1
+
+
+def test_a_pedestrian_is_seen_from_straight_behind() -> None:
+    assert (visibility(pedestrian(1.0), np.array([np.pi, -np.pi, 3 * np.pi])) == 1).all()

@@ -1,0 +1,85 @@
+"""Which streams of maps are fused, and their scans in windows."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.errors import InputError
+from ...models.names import natural
+from ...models.records import Recording, Scan
+from .frames import frames
+from .params import MAPS, FusionParams
+
+STRANGE = 1e-2, 1e3
+"""Medians of a map, between which its unit may be the noise."""
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Streams of maps by the natural order of their names: ``used``, and those ``unused``.
+
+    The unit of the powers in streams that are ``stated`` is known.
+    """
+
+    used: tuple[str, ...]
+    unused: frozenset[str]
+    stated: frozenset[str]
+
+    @staticmethod
+    def of(setup: Recording, params: FusionParams) -> Choice:
+        """The first so many of a recording.
+
+        Raises
+        ------
+        InputError : there are fewer
+        """
+        maps = {name: s for name, s in setup.streams.items() if s.kind == MAPS}
+        names = sorted(maps, key=natural)
+        wanted = len(names) if params.stations is None or not names else params.stations
+        if wanted > len(names):
+            raise InputError(f"stations is {wanted}, but only {len(names)} streams have maps")
+        used, unused = names[:wanted], names[wanted:]
+        if unused:
+            _log.info("fusing the maps of %s, not of %s", " ".join(used), " ".join(unused))
+        stated = frozenset(n for n in used if "reference_echo" in maps[n].model)
+        return Choice(tuple(used), frozenset(unused), stated)
+
+    def scans(self, scans: Iterable[Scan], within: float | None) -> Iterator[Scan]:
+        """The scans but for those unused, the maps at the time of their window.
+
+        Raises
+        ------
+        InputError : at the end, if a stream that is used had no scan
+        """
+        missing = set(self.used)
+
+        def chosen() -> Iterator[Scan]:
+            for scan in scans:
+                if scan.stream in missing:
+                    missing.discard(scan.stream)
+                    if scan.stream not in self.stated:
+                        _doubt_unit(scan)
+                if scan.stream not in self.unused:
+                    yield scan
+
+        yield from frames(chosen(), frozenset(self.used), within)
+        if missing:
+            raise InputError(f"stream {min(missing, key=natural)}: has no maps")
+
+
+def _doubt_unit(scan: Scan) -> None:
+    """Warn of a map whose unit can hardly be the noise."""
+    median = float(np.median(scan.scan["map"]))
+    low, high = STRANGE
+    if median and not low < median < high:
+        _log.warning(
+            "stream %s: half of the powers of its first map exceed %.3g, so that the noise is not "
+            "their unit; thresholds count in it: state reference_echo in the stream's model",
+            scan.stream,
+            median,
+        )

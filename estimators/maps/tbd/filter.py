@@ -1,0 +1,147 @@
+"""``tbd``: targets tracked in the range-angle maps of base stations, before any detection.
+
+The likelihood of all cells of all maps given the targets (:mod:`..kernels.response`) in place of
+thresholds, gates and clusters. In every scan targets are predicted, corrected one after the other
+(:mod:`.targets`), left if they explain nothing, and found where the maps hold more than the targets
+explain (:mod:`.moves`); now and then a few are explained anew. The means of all cells come from the
+geometry and the waveform that the recording states, so that nothing is learnt for a layout.
+S. Davey, M. Rutten and B. Cheung, "A comparison of detection performance for several
+track-before-detect algorithms", EURASIP J. Adv. Signal Process. 2008, tells the field.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+
+from ....models.classifier import CLASSES
+from ....models.errors import EstimatorError
+from ....models.records import Array, Estimates, Objects, Recording, Scan
+from ..choice import Choice
+from ..params import MAPS
+from .moves import CROWD, born, overlapping, rethought, without
+from .params import Params
+from .scene import Layout, View
+from .targets import Targets, predict, update
+
+__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
+SUMMARY = "Track-before-detect in range-angle maps of base stations, by the likelihood of all cells"
+STREAMS = (MAPS,)
+PRESETS: dict[str, dict[str, object]] = {}
+NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
+MEMORY = 0.7
+"""What the evidence of a place keeps from scan to scan."""
+SOON = 1, 3, 6, 10
+"""Ages in scans at which what is new beside another target is explained anew."""
+OVERLAP = 6.0
+"""Log-odds of existence that a target loses in a scan in which its body overlaps another."""
+FIRST, LATER = 30, 2
+"""Places at which new targets are looked for, in the first scan and in others."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Targets after the maps at ``time_ns`` (None: before any), and the evidence (J,) of places."""
+
+    targets: Targets
+    evidence: Array
+    free: int
+    time_ns: int | None
+    turn: int
+
+
+def init(layout: Layout) -> State:
+    """Nothing is known."""
+    return State(Targets.none(), np.zeros(len(layout.places)), 0, None, 0)
+
+
+def step(
+    state: State, scans: Sequence[Scan], layout: Layout, setup: Recording, params: Params
+) -> State:
+    """The state after the maps of one time.
+
+    Raises
+    ------
+    InputError : a map that does not have the shape of its axes
+    """
+    time_ns = scans[0].time_ns
+    dt = 0.0 if state.time_ns is None else (time_ns - state.time_ns) / 1e9
+    targets = predict(state.targets, params, dt)
+    view = View.of(layout, scans, setup).shown(targets.kind, targets.vectors)
+    mean = view.mean(targets.kind, targets.vectors)
+    targets, mean = update(targets, view, mean, params)
+    exists = targets.exists - OVERLAP * overlapping(targets, params)
+    targets = replace(targets, exists=exists)
+    gone = np.flatnonzero(exists < -params.birth_price)
+    if len(gone):
+        targets, mean = without(targets, view, mean, gone)
+    evidence = MEMORY * state.evidence + (1 - MEMORY) * view.gains(mean, params.shape)
+    most = FIRST if state.time_ns is None else LATER
+    if state.time_ns is None:
+        evidence /= 1 - MEMORY
+    targets, free = born(targets, view, mean, evidence, state.free, most, params)
+    due = np.flatnonzero(_due(targets, params))
+    for label in targets.label[due].tolist():
+        about = np.flatnonzero(targets.label == label)
+        if len(about):
+            targets, mean, free = rethought(targets, view, mean, int(about[0]), free, params)
+    return State(targets, evidence, free, time_ns, state.turn + 1)
+
+
+def _due(targets: Targets, params: Params) -> Array:
+    """Which targets (n,) are explained anew: after some scans, and new ones beside others."""
+    p = targets.m[:, :2]
+    crowded = (np.hypot(*(p[:, None] - p).T) < CROWD).sum(0) > 1
+    often = (targets.age + targets.label) % params.rethink == 0
+    return np.asarray((np.isin(targets.age, SOON) & crowded) | (often & (targets.age > 1)))
+
+
+def estimate(
+    setup: Recording, scans: Iterable[Scan], params: Params, rng: np.random.Generator
+) -> Iterator[Estimates]:
+    """Yield the targets after each time.
+
+    Raises
+    ------
+    InputError : fewer streams of maps than are asked for, a stream that does not state its waveform
+    EstimatorError : a state that is not finite
+    """
+    choice = Choice.of(setup, params)
+    layout = Layout.of(setup, choice.used, params)
+    state = init(layout)
+    maps = (s for s in choice.scans(scans, params.fuse_within) if s.stream in choice.used)
+    for _, together in groupby(maps, key=lambda scan: scan.time_ns):
+        state = step(state, list(together), layout, setup, params)
+        yield _estimates(state, setup, params)
+
+
+def _estimates(state: State, setup: Recording, params: Params) -> Estimates:
+    t = state.targets
+    if not np.isfinite(t.m).all():
+        raise EstimatorError("the state of a target is not finite")
+    p = 1 / (1 + np.exp(-t.exists))
+    shown = np.flatnonzero(p > params.extract_existence)
+    t, n = t.take(shown), len(shown)
+    vehicle = 1 / (1 + np.exp(-t.vehicle))
+    probability = np.stack((1 - vehicle, vehicle), 1)
+    objects = Objects(
+        np.array([state.time_ns], np.int64),
+        np.array([0, n], np.int64),
+        t.label,
+        NAMES,
+        UNITS,
+        t.m[:, :4],
+        covariance=t.P[:, :4, :4],
+        existence=p[shown],
+        class_names=CLASSES,
+        class_index=probability.argmax(1),
+        class_probability=probability,
+    )
+    numbers = {
+        "cardinality_mean": np.array([p.sum()]),
+        "cardinality_variance": np.array([(p * (1 - p)).sum()]),
+    }
+    return Estimates(replace(setup.meta), objects, numbers)

@@ -1,0 +1,125 @@
+"""Targets seen in simulated maps, from all sides and in odd recordings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import echoset
+from echoset.campaign.scenarios import find
+from echoset.estimators.maps.tbd import filter as tbd
+from echoset.estimators.maps.tbd.scene import Layout
+from echoset.models.checks import check_objects, check_steps
+from echoset.models.errors import InputError
+from echoset.models.parameters import resolve
+from echoset.models.random import generator
+from echoset.simulate import jsc
+
+
+def simulated(seed=1, **changes):
+    params = resolve(jsc.Params, *find("jsc-6bs").layers, ("here", changes))
+    return jsc.simulate(params, generator(seed, "tbd", "r"), "r")
+
+
+def run(recording, **changes):
+    steps = list(tbd.estimate(recording.setup(), recording.scans(), tbd.Params(**changes), None))
+    for step in steps:
+        check_objects(step.objects, "objects")
+        check_steps(step.steps, 1)
+    return steps
+
+
+def true_at(recording, k):
+    o = recording.truth.objects
+    rows = slice(o.row_offset[k], o.row_offset[k + 1])
+    return o.state[rows], o.class_index[rows], o.rotation[rows]
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return simulated(scans=12)
+
+
+def test_all_are_found_with_their_classes(recording):
+    """Eight targets from the first scan on, within half a metre, and then within 0.2 m."""
+    steps = run(recording)
+    labels = set()
+    for k, step in enumerate(steps):
+        state, kind, _ = true_at(recording, k)
+        d = np.hypot(*(step.objects.state[:, None, :2] - state[:, :2]).T)
+        assert d.shape == (8, 8)
+        assert (d.min(1) < (0.5 if k < 3 else 0.2)).all() and len(set(d.argmin(1))) == 8
+        assert (step.objects.class_index[d.argmin(1)] == kind).all()
+        if k >= 3:
+            labels.add(tuple(sorted(step.objects.label.tolist())))
+    assert len(labels) == 1
+    speed = step.objects.state[d.argmin(1), 2:] - state[:, 2:]
+    assert np.median(np.hypot(*speed.T)) < 1.0
+    assert step.steps["cardinality_mean"][0] == pytest.approx(8, abs=0.1)
+
+
+def test_noise_alone_and_maps_of_nothing():
+    empty = simulated(scans=3, pedestrians=0, vehicles=0)
+    assert [len(s.objects.label) for s in run(empty)] == [0, 0, 0]
+    dark = {
+        name: replace(s, scan={"map": np.zeros_like(s.scan["map"])})
+        for name, s in empty.streams.items()
+    }
+    assert [len(s.objects.label) for s in run(replace(empty, streams=dark))] == [0, 0, 0]
+
+
+def test_stations_on_masts_anywhere_and_maps_in_another_unit():
+    there = {"stations": [[-40, 3, 0.1], [5, -38, 1.4], [30, 25, -2.4]], "station_height": 8.0}
+    recording = simulated(scans=6, pedestrians=2, vehicles=1, **there)
+    streams = {
+        name: replace(
+            s,
+            scan={"map": s.scan["map"] * np.float32(1e-9)},
+            model={**s.model, "noise_power": 1e-9},
+        )
+        for name, s in recording.streams.items()
+    }
+    for found in (run(recording), run(replace(recording, streams=streams))):
+        state, kind, _ = true_at(recording, 5)
+        d = np.hypot(*(found[-1].objects.state[:, None, :2] - state[:, :2]).T)
+        assert d.shape == (3, 3) and (d.min(1) < 0.3).all()
+        assert (found[-1].objects.class_index[d.argmin(1)] == kind).all()
+
+
+def test_the_step_is_a_pure_function(recording):
+    params, setup = tbd.Params(), recording.setup()
+    layout = Layout.of(setup, list(recording.streams), params)
+    scans = [s for s in recording.scans() if s.time_ns == 50_000_000]
+    start = tbd.init(layout)
+    a, b = (tbd.step(start, scans, layout, setup, params) for _ in range(2))
+    np.testing.assert_array_equal(a.targets.m, b.targets.m)
+    assert len(start.targets) == 0 and not start.evidence.any() and len(a.targets) >= 8
+    again = [tbd.step(a, scans, layout, setup, params) for _ in range(2)]
+    np.testing.assert_array_equal(again[0].targets.m, again[1].targets.m)
+    np.testing.assert_array_equal(again[0].evidence, again[1].evidence)
+
+
+def test_stations_that_are_not_synchronous(recording):
+    apart = {
+        name: replace(s, time_ns=s.time_ns + 8_000_000 * k)
+        for k, (name, s) in enumerate(recording.streams.items())
+    }
+    steps = run(replace(recording, streams=apart))
+    assert len(steps) == 12
+    assert [len(s.objects.label) for s in steps[3:]] == [8] * 9
+
+
+def test_it_is_found_by_its_name_and_needs_a_waveform(recording):
+    found = echoset.estimate(recording, "tbd", stations=2)
+    assert found.objects.state_names == ("x", "y", "vx", "vy")
+    model = {k: v for k, v in recording.streams["S1"].model.items() if k != "carrier"}
+    bare = {**recording.streams, "S1": replace(recording.streams["S1"], model=model)}
+    with pytest.raises(InputError, match="S1: does not state its waveform: carrier missing"):
+        run(replace(recording, streams=bare))
+    with pytest.raises(InputError, match="stations is 7, but only 6 streams have maps"):
+        run(recording, stations=7)
+    small = replace(
+        recording.streams["S0"], scan={"map": recording.streams["S0"].scan["map"][:, 1:]}
+    )
+    with pytest.raises(InputError, match="stream S0 at 50000000 ns: map of"):
+        run(replace(recording, streams={**recording.streams, "S0": small}))
