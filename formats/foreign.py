@@ -22,7 +22,7 @@ def hint(source: object) -> str:
     if not (path.is_file() or path.is_dir()):
         return ""
     head = _head(path)
-    if path.suffix in _OURS and b"ros2" not in head[:64]:
+    if path.suffix in _OURS and not is_bag(head):
         return ""
     found = [name for name, module in _importers() if module.recognises(path, head)]
     if not found:
@@ -30,6 +30,11 @@ def hint(source: object) -> str:
     name = shlex.quote(str(path))
     end = "--propose" if found[0] == "csv" else f"-o {shlex.quote(path.stem)}.h5"
     return f": try echoset convert --from {found[0]} {name} {end}"
+
+
+def is_bag(head: bytes) -> bool:
+    """Whether an MCAP file, from its first bytes, says that it is a bag of ROS 2."""
+    return head.startswith(b"\x89MCAP") and b"ros2" in head[:64]
 
 
 def listing(source: object) -> dict[str, Any] | None:
