@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...models.errors import InputError
 from ...models.records import Estimates, Meta, Recording, Scan
 from .extract import extract
 from .filter import track, turn
@@ -57,6 +58,7 @@ class DeviceFilter:
         head, events = _head(events, params.learn_span if params.learn else look_ahead)
         if not head:
             return
+        _refuse_excluded(net, head, params)
         found: dict[str, Any] = {}
         if params.max_range is None:
             found["max_range"] = _reach(head)
@@ -72,7 +74,16 @@ class DeviceFilter:
             _log.info("%s: %s", net.name, said)
         first = belief(net, params)
         about = Meta("", provenance={"found": found} if found else {})
+        said_lost = False
         for step in track(events, self.target, params, first, rng, net.name):
+            if step.anew and not said_lost:
+                said_lost = True
+                _log.warning(
+                    "%s: at %.2f s ranges contradict the position, which is sought anew; "
+                    "'sought_anew' in the estimates says each time",
+                    net.name,
+                    step.time_ns * 1e-9,
+                )
             yield replace(self._shown(step, params, first.height.is_known, rng), meta=about)
 
     def _shown(self, step: Step, params: Any, known: bool, rng: np.random.Generator) -> Estimates:
@@ -124,6 +135,16 @@ def _head(events: Iterator[Event], span: float) -> tuple[list[Event], Iterator[E
     return head, chain(head, events)
 
 
+def _refuse_excluded(net: Network, head: list[Event], params: Any) -> None:
+    """An offset by which most ranges would be shorter than nothing excludes the data."""
+    z = np.concatenate([event.active.z for event in head])
+    if len(z) and np.median(z) + 3 * params.range_bias_std < 0:
+        raise InputError(
+            f"{net.name}: range_bias {params.range_bias:g} m is more than half of the first "
+            f"{len(z)} ranges measure: lower it, or raise range_bias_std"
+        )
+
+
 def _reach(head: list[Event]) -> float:
     """The largest range of the first events, and a margin [m].
 
@@ -133,7 +154,7 @@ def _reach(head: list[Event]) -> float:
     if most == 0.0 and any(not e.differences.empty for e in head):
         a = head[0].anchors
         most = float(np.linalg.norm(a[:, None] - a, axis=-1).max())
-    return round(MARGIN * max(most, 1e-3), 2)
+    return max(round(MARGIN * most, 2), 0.01)
 
 
 def _warn_of_geometry(net: Network, event: Event, params: Any) -> None:

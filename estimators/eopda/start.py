@@ -87,8 +87,11 @@ class _Problem:
         self.events, self.target, self.params, self.before = events, target, params, before
         z = np.concatenate([e.active.z for e in events] + [e.passive.z for e in events])
         assert params.max_range is not None
-        reach = MARGIN * max(float(z.max(initial=0.0)), 1e-3)
-        reach = min(reach, params.max_range) if len(z) else params.max_range
+        farthest = max(float(z.max(initial=0.0)), 1e-3)
+        reach = params.max_range if not len(z) else MARGIN * farthest
+        if farthest <= params.max_range:
+            # a device that has gone farther than was guessed from the first ranges is not cut off
+            reach = min(reach, params.max_range)
         corners = np.concatenate([e.anchors[:, :2] for e in events])
         self.region = Region(np.unique(corners, axis=0), reach, params.area)
         self.area = self.region.area()

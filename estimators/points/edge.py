@@ -72,6 +72,9 @@ class Border:
         share = p / (look.p_detect or 1.0)
         astride = (share > PART) & (share < 1 - PART)
         edge = np.flatnonzero(astride) if fov_mass else np.zeros(0, int)
+        if not len(edge):
+            none = np.zeros((0, len(pieces.WEIGHT), m.shape[1]))
+            return Border(look, m, P, p, edge, none, P[:0], none[..., 0])
         parts, narrow = pieces.split(m[edge], P[edge], _inwards(look, m[edge], P[edge]))
         k, n, dx = parts.shape
         flat = parts.reshape(-1, dx), np.repeat(narrow, n, axis=0)
@@ -105,6 +108,17 @@ class Border:
         m, P = self.m.copy(), self.P.copy()
         m[edge], P[edge] = _pushed_out(m[edge], P[edge], mean, spread, across, before, after)
         return m, P
+
+
+def unseen(
+    look: Look, m: Array, P: Array, visible: Array, fov_mass: bool
+) -> tuple[Array, Array, Array]:
+    """Probability (J,) that ``visible`` targets are detected, and their m, P if they are missed.
+
+    Of Bernoullis and of who is not known to be detected: all of it may be outside.
+    """
+    border = Border.of(look, m, P, fov_mass)
+    return border.p, *border.missed(visible, np.ones(len(m)))
 
 
 def _inwards(look: Look, m: Array, P: Array) -> Array:

@@ -12,20 +12,23 @@ Trans. Aerosp. Electron. Syst. 40 (2004) 1093-1099.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array, Estimates, Objects, Recording, Scan
 from ...models.regions import mass
+from ..kernels.passes import smoothed
 from .context import Context
 from .edge import detection_probability
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.gaussians import falling
 from .kernels.smoothing import Epoch, ended, smooth
 from .mbm_filter import Params, State, init, predict, reduce, update
+from .paths import Paths, back
 from .sensing import (
     UNKNOWN,
     Look,
@@ -34,6 +37,7 @@ from .sensing import (
     innovations,
     log_likelihood,
     positions,
+    spread,
 )
 from .targets import NAMES, UNITS, Interval, appeared, born
 from .times import observe, remember, through
@@ -85,7 +89,8 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
         if len(seen.z) > params.max_detections:
             cut["max_detections"] += len(seen.z) - params.max_detections
             seen = _likeliest(seen, state.mixture.local, own, params)
-        state, new = update(state, seen, params, own, _even(seen, used, gone, params))
+        even = _even(seen, [look for look, _ in moment.looks], used, gone, params)
+        state, new = update(state, seen, params, own, even)
         state = reduce(state, params, max(len(seen.z), state.memory.crowd))
         used.append(seen)
         novelty.append(new)
@@ -96,7 +101,9 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
     x, n = state.mixture, max(len(seen.z) for seen in used)
     memory = remember(state.memory, moment, n, label, m[:, :2], x.label)
     state = replace(state, memory=memory, cut={**state.cut, **cut})
-    return state, Epoch(together[0].time_ns, x.local, gone.F, gone.Q, x.label, x.table[0])
+    return state, Epoch(
+        together[0].time_ns, x.local, gone.F, gone.Q, x.label, x.table[0], x.table, x.parent
+    )
 
 
 def estimate(
@@ -114,6 +121,37 @@ def estimate(
 
 def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
     """:func:`estimate` in a context of the caller's."""
+    wait = context.params.wait
+    if wait == inf:
+        return _whole(context, scans)
+    return _lagging(context, scans, context.params.lag if wait is None else wait)
+
+
+def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
+    """All times at the end, by the trajectories of the hypothesis that is best then."""
+    params, meta = context.params, context.setup.meta
+    moved: set[int] = set()
+    classes: dict[int, Array] = {}
+
+    def forward() -> Iterator[tuple[Estimates, Epoch]]:
+        for state, epoch in through(context, scans, init(), step):
+            moved.update(_moved(state.mixture, set(), params))
+            classes.update(state.memory.classes)
+            x, none = state.mixture, np.zeros(0, np.int64)
+            nobody = _listed(epoch.time_ns, none, x.local.r[none], x.local.m[none], x.local.P[none])
+            yield Estimates(meta, nobody, _counted(state, context)), epoch
+
+    def backward(later: Paths | None, epoch: Epoch) -> tuple[Paths, Objects]:
+        x = back(later, epoch, params.retrodict)
+        shown = np.isin(x.label, list(moved)) & (x.r >= params.extract_smoothed)
+        found = _listed(epoch.time_ns, x.label[shown], x.r[shown], x.m[shown], x.P[shown])
+        return x, context.source.named(found, classes)
+
+    return smoothed(forward(), backward, inf)
+
+
+def _lagging(context: Context[Params], scans: Iterable[Scan], lag: float) -> Iterator[Estimates]:
+    """Each time ``lag`` seconds late."""
     params = context.params
     moved: set[int] = set()
     epochs: deque[Epoch] = deque()
@@ -128,12 +166,17 @@ def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
     for state, epoch in through(context, scans, init(), step):
         epochs.append(epoch)
         moved = _moved(state.mixture, moved, params, epochs)
-        lost = sum(v for name, v in state.cut.items() if name != "max_detections")
-        numbers.append(_numbers(state.mixture, lost) | regional(state.mixture, context.regions))
-        while epochs and epoch.time_ns - epochs[0].time_ns >= 1e9 * params.lag:
+        numbers.append(_counted(state, context))
+        while epochs and epoch.time_ns - epochs[0].time_ns >= 1e9 * lag:
             yield leave()
     while epochs:
         yield leave()
+
+
+def _counted(state: State, context: Context[Params]) -> dict[str, Array]:
+    """What is stated per step."""
+    lost = sum(v for name, v in state.cut.items() if name != "max_detections")
+    return _numbers(state.mixture, lost) | regional(state.mixture, context.regions)
 
 
 def _likeliest(seen: Look, a: Bernoullis, own: SensorParams, params: Params) -> Look:
@@ -148,8 +191,12 @@ def _likeliest(seen: Look, a: Bernoullis, own: SensorParams, params: Params) -> 
     return replace(seen, **some, R=R, parts=parts)
 
 
-def _even(seen: Look, before: list[Look], gone: Interval, params: Params) -> Array:
+def _even(
+    seen: Look, looks: Sequence[Look], before: Sequence[Look], gone: Interval, params: Params
+) -> Array:
     """Density (n,) of targets, spread like the clutter, that no look of the time has detected yet.
+
+    All ``looks`` share what appeared, evenly: where their fields lie apart it is spread over all.
 
     Raises
     ------
@@ -161,7 +208,11 @@ def _even(seen: Look, before: list[Look], gone: Interval, params: Params) -> Arr
     if np.isnan(seen.spatial).any():
         raise InputError(UNKNOWN)
     density = params.birth_rate * appeared(params.p_survive, 0.0, gone.steps) * seen.spatial
-    m = np.hstack((positions(seen)[0], np.zeros((n, 2))))
+    where = positions(seen)[0]
+    if len(looks) > 1:
+        own, all_ = spread(seen, where), np.mean([spread(look, where) for look in looks], axis=0)
+        density = density * np.where(own > 0, all_ / np.where(own > 0, own, 1.0), 1.0)
+    m = np.hstack((where, np.zeros((n, 2))))
     P = np.tile(np.eye(4), (n, 1, 1))
     for look in before:
         density = density * (1 - detection_probability(look, m, P, False))
@@ -224,13 +275,12 @@ def _objects(mixture: Mixture, epochs: list[Epoch], moved: set[int], params: Par
     shown = np.isin(label, list(moved)) & (age >= -params.retrodict)
     if params.extraction == "existence":
         shown &= r >= params.extract_existence
+    return _listed(epochs[0].time_ns, label[shown], r[shown], m[shown], P[shown])
+
+
+def _listed(time_ns: int, label: Array, r: Array, m: Array, P: Array) -> Objects:
+    """Objects of one time."""
+    offset = np.array([0, len(label)], np.int64)
     return Objects(
-        np.array([epochs[0].time_ns], np.int64),
-        np.array([0, shown.sum()], np.int64),
-        label[shown],
-        NAMES,
-        UNITS,
-        m[shown],
-        covariance=P[shown],
-        existence=r[shown],
+        np.array([time_ns], np.int64), offset, label, NAMES, UNITS, m, covariance=P, existence=r
     )

@@ -13,7 +13,7 @@ from ...models.parameters import parameter
 from ...models.records import Array
 from .context import FilterParams
 from .cuts import Cut
-from .edge import Border, detection_probability
+from .edge import detection_probability, unseen
 from .kernels import births
 from .kernels.bernoulli import (
     TINY,
@@ -34,11 +34,12 @@ from .kernels.poisson import first_detections
 from .sensing import Look, SensorParams, innovations, log_likelihood, positions, updated
 from .targets import Interval, elapse, limit, newborn
 from .times import Memory
+from .trails import TrailParams
 
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(FilterParams):
+class Params(TrailParams, FilterParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     TITLE = "mixture"
@@ -113,16 +114,21 @@ class Params(FilterParams):
     lag: float = parameter(
         0.0,
         "s",
-        "how long an estimate waits for what comes: fixed-lag smoothing, tracks shown from the "
-        "start",
+        "how long an estimate waits for what comes, tracks shown from the start; smooth, where it "
+        "is not none, says so in its place",
         within="[0, inf)",
     )
     retrodict: float = parameter(
         0.0,
         "s",
-        "with a lag: how long before its first detection a target is shown, straight back",
+        "with a lag or smoothed: how long before its first detection a target is shown, straight "
+        "back",
         within="[0, inf)",
     )
+
+    def __post_init__(self) -> None:
+        FilterParams.__post_init__(self)
+        TrailParams.__post_init__(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,7 +174,8 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
         a.unseen + gone.dt,
         np.arange(len(a)),
     )
-    state = replace(state, mixture=replace(state.mixture, local=local), time_ns=time_ns, cut={})
+    mixture = replace(state.mixture, local=local, parent=np.arange(len(state.mixture.w)))
+    state = replace(state, mixture=mixture, time_ns=time_ns, cut={})
     new = births.join(_moved(state.waiting, params, gone), newborn(params, gone))
     state = replace(state, waiting=births.none())
     if params.poisson:
@@ -198,8 +205,7 @@ def update(
     a = state.mixture.local
     z_hat, C, S = innovations(seen, a.m, a.P, own.unscented)
     log_hit = log_likelihood(seen, z_hat, S, params.gate)
-    border = Border.of(seen, a.m, a.P, own.fov_mass)
-    p, (m_missed, P_missed) = border.p, border.missed(a.visible, np.ones(len(a)))
+    p, m_missed, P_missed = unseen(seen, a.m, a.P, a.visible, own.fov_mass)
     with np.errstate(divide="ignore"):
         log_hit += np.log(_found(seen, own, a, p, log_hit, z_hat, C, S) * a.visible[:, None])
     undetected, (new, m_new, P_new) = _first_detections(state.undetected, seen, params, own, even)
@@ -222,7 +228,10 @@ def update(
     first = np.flatnonzero((best >= 0) & np.isnan(start[:, 0]))
     first = first[found.detection[best[first]] >= 0]
     start[first] = local.m[best[first]]
-    mixture = replace(state.mixture, local=local, start=start, w=found.w, table=found.table)
+    parent = state.mixture.parent[found.parent]
+    mixture = replace(
+        state.mixture, local=local, start=start, w=found.w, table=found.table, parent=parent
+    )
     state = replace(state, mixture=mixture, undetected=undetected)
     r = new / free
     some = np.flatnonzero(r > params.min_existence)
@@ -297,8 +306,7 @@ def _first_detections(
     if not len(w):
         return undetected, (even, m_even, P_even)
     z_hat, C, S = innovations(seen, m, P, own.unscented)
-    border = Border.of(seen, m, P, own.fov_mass)
-    p, (m_missed, P_missed) = border.p, border.missed(np.ones(len(w)), np.ones(len(w)))
+    p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
     density = np.zeros((len(w) + 1, n))
     log_l = log_likelihood(seen, z_hat, S, params.gate)
     density[:-1], density[-1] = (p * w)[:, None] * np.exp(log_l), even

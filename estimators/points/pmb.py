@@ -77,7 +77,10 @@ def forward(context: Context[Params], scans: Iterable[Scan]) -> Iterator[tuple[E
         assert time_ns is not None
         found = context.source.named(objects(time_ns, shown(a, params.extract_existence)), classes)
         estimates = Estimates(context.setup.meta, found, numbers(a, context.regions))
-        yield estimates, Trail(time_ns, a.label, a.r, a.m, a.P, gone.F, gone.Q, classes)
+        yield (
+            estimates,
+            Trail(time_ns, a.label, a.r, a.m, a.P, gone.F, gone.Q, classes, state.way),
+        )
 
 
 def backward(context: Context[Params]) -> Callable[[Trail | None, Trail], tuple[Trail, Objects]]:

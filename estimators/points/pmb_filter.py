@@ -12,7 +12,6 @@ import numpy as np
 from ...models.errors import InputError
 from ...models.parameters import parameter
 from ...models.records import Array
-from ..kernels.passes import SmoothParams
 from .backlog import Backlog
 from .context import FilterParams
 from .cuts import Cut
@@ -22,10 +21,12 @@ from .kernels.compiled import gaussians
 from .kernels.compiled.association import marginals
 from .kernels.compiled.pairs import matched
 from .kernels.gaussians import falling, strongest
+from .modes import ModeParams, Modes, Way, initial, transitions
 from .pairs import Pairs, near
 from .sensing import UNKNOWN, Look, SensorParams, positions
-from .targets import Interval, elapse, newborn
+from .targets import VAGUE, Interval, elapse, newborn
 from .times import Memory
+from .trails import TrailParams
 
 SURE = 1e-6
 """Least probability of a miss, so that detections are not sure but compared."""
@@ -40,7 +41,7 @@ MERGED = 0.5
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(SmoothParams, FilterParams):
+class Params(TrailParams, ModeParams, FilterParams):
     """Sensors, targets, and which of them are kept and shown."""
 
     TITLE = "filter"
@@ -67,34 +68,40 @@ class Params(SmoothParams, FilterParams):
     extract_existence: float = parameter(
         0.5, "1", "least existence of what is extracted", within="[0, 1)"
     )
-    extract_smoothed: float = parameter(
-        0.95,
-        "1",
-        "smoothed: least existence, then or later, of what is extracted; more than for a filter, "
-        "since it is the largest of many",
-        within="[0, 1)",
-    )
 
     def __post_init__(self) -> None:
         FilterParams.__post_init__(self)
-        SmoothParams.__post_init__(self)
+        ModeParams.__post_init__(self)
+        TrailParams.__post_init__(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracks:
-    """T Bernoullis by label (T,), rising: existence r (T,), means m (T, 4), covariances P."""
+    """T Bernoullis by label (T,), rising: existence r (T,), means m (T, 4), covariances P.
+
+    Where targets manoeuvre m and P are the moments of their ``modes``.
+    """
 
     label: Array
     r: Array
     m: Array
     P: Array
+    modes: Modes | None = None
 
     def __len__(self) -> int:
         return len(self.r)
 
     def take(self, index: Array) -> Tracks:
         """The tracks ``index``."""
-        return Tracks(self.label[index], self.r[index], self.m[index], self.P[index])
+        modes = None if self.modes is None else self.modes.take(index)
+        return Tracks(self.label[index], self.r[index], self.m[index], self.P[index], modes)
+
+    def join(self, label: Array, r: Array, m: Array, P: Array, mode: Array) -> Tracks:
+        """The tracks and new ones, whose modes have the probabilities ``mode`` (M,)."""
+        modes = None if self.modes is None else self.modes.join(Modes.of(mode, m, P))
+        columns = (self.label, label), (self.r, r), (self.m, m), (self.P, P)
+        label, r, m, P = (np.concatenate(pair) for pair in columns)
+        return Tracks(label, r, m, P, modes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,8 +109,8 @@ class State:
     """What is known after the scans at ``time_ns`` (None: before any).
 
     Targets that were detected are ``tracks``; of the others, ``undetected`` are components and
-    ``backlog`` what may be anywhere. ``next_label`` is free, ``memory`` what is known beside, and
-    ``cut`` what limits left out.
+    ``backlog`` what may be anywhere. ``way`` is how those that manoeuvre came there; ``next_label``
+    is free, ``memory`` what is known beside, and ``cut`` what limits left out.
     """
 
     tracks: Tracks
@@ -113,11 +120,14 @@ class State:
     time_ns: int | None
     memory: Memory = field(default_factory=Memory)
     cut: Cut = field(default_factory=dict)
+    way: Way | None = None
 
 
 def init(params: Params) -> State:
     """No target is known."""
-    none = Tracks(np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 4)), np.zeros((0, 4, 4)))
+    label, r, m, P = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 4)), np.zeros((0, 4, 4))
+    modes = Modes.of(initial(params), m, P) if params.modes > 1 else None
+    none = Tracks(label, r, m, P, modes)
     return State(none, births.none(), Backlog(params.backlog), 0, None)
 
 
@@ -129,11 +139,7 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
     InputError : the time goes back
     """
     gone = elapse(params, state.time_ns, time_ns)
-    a = state.tracks
-    m, P, known = gone.predict(a.m, a.P)
-    tracks = Tracks(a.label, a.r * gone.survival(params, a.m), m, P)
-    if not known.all():
-        tracks = tracks.take(np.flatnonzero(known))
+    tracks, way = _moved(state.tracks, params, gone)
     w, m, P = state.undetected
     w = w * gone.survival(params, m)
     m, P, known = gone.predict(m, P)
@@ -141,8 +147,29 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
     undetected = births.join(old, newborn(params, gone))
     backlog = state.backlog.predict(params.p_survive, gone.steps)
     return replace(
-        state, tracks=tracks, undetected=undetected, backlog=backlog, time_ns=time_ns, cut={}
+        state,
+        tracks=tracks,
+        undetected=undetected,
+        backlog=backlog,
+        time_ns=time_ns,
+        cut={},
+        way=way,
     ), gone
+
+
+def _moved(a: Tracks, params: Params, gone: Interval) -> tuple[Tracks, Way | None]:
+    """The tracks after an interval, and the way that those with modes came."""
+    r, modes, way = a.r * gone.survival(params, a.m), None, None
+    if a.modes is None:
+        m, P, known = gone.predict(a.m, a.P)
+    else:
+        F, Q, Pi = transitions(params, gone.dt)
+        F, Q = np.concatenate((gone.F[None], F)), np.concatenate((gone.Q[None], Q))
+        modes, cross = a.modes.predict(F, Q, Pi)
+        m, P = modes.together()
+        way = Way(a.label, m, P, np.linalg.solve(P, cross.swapaxes(1, 2)).swapaxes(1, 2))
+        known = np.trace(P[:, :2, :2], axis1=1, axis2=2) < VAGUE**2
+    return Tracks(a.label, r, m, P, modes).take(np.flatnonzero(known)), way
 
 
 def update(state: State, seen: Look, params: Params, own: SensorParams) -> State:
@@ -157,42 +184,70 @@ def update(state: State, seen: Look, params: Params, own: SensorParams) -> State
     """
     a = state.tracks
     state, first, m_first, P_first = _first_detections(state, seen, params, own)
-    pairs = near(seen, a.m, a.P, own.unscented, params.gate)
-    t, z = pairs.target, pairs.detection
-    border = Border.of(seen, a.m, a.P, own.fov_mass)
-    p, (m_missed, P_missed) = border.p, border.missed(np.ones(len(a)), np.ones(len(a)))
     free = np.maximum(seen.clutter + first, TINY)
-    miss = np.maximum(1 - a.r * p, SURE)
-    most = a.r * seen.p_detect / miss
-    pairs = pairs.take(np.flatnonzero(most[t] * np.exp(pairs.log_l) >= FAINT * free[z]))
-    t, z = pairs.target, pairs.detection
-    m_hit, P_hit = pairs.updated(seen, a.m, a.P)
-    density = a.r[t] * _found(seen, own, p, pairs, m_hit, P_hit) * np.exp(pairs.log_l)
-    np.maximum.at(free, z, FREE * density)
-    hit, none = marginals(t, z, density / (miss[t] * free[z]), len(a), len(free))
-    still = none * a.r * (1 - p) / miss
-    r, m, P = matched(
-        np.concatenate((np.arange(len(a)), t)),
-        np.concatenate((still, hit)),
-        np.concatenate((m_missed, m_hit)),
-        np.concatenate((P_missed, P_hit)),
-        len(a),
-    )
-    new = np.clip(1 - np.bincount(z, hit, len(free)), 0.0, 1.0) * first / free
+    tracks, taken, cut = _associated(a, seen, params, own, free)
+    new = np.clip(1 - taken, 0.0, 1.0) * first / free
     most = len(new) if params.max_births is None else params.max_births
     some = strongest(new, m_first, params.min_existence, most)
     label = state.next_label + np.arange(len(some))
-    kept = np.flatnonzero(r >= params.min_existence)
-    tracks = Tracks(
-        np.concatenate((a.label[kept], label)),
-        np.concatenate((np.minimum(r[kept], 1.0), new[some])),
-        np.concatenate((m[kept], m_first[some])),
-        np.concatenate((P[kept], P_first[some])),
+    tracks = tracks.join(label, new[some], m_first[some], P_first[some], initial(params))
+    if cut:
+        state = replace(state, cut={**state.cut, "pairs": state.cut.get("pairs", 0.0) + cut})
+    return replace(state, tracks=tracks, next_label=state.next_label + len(some))
+
+
+def _associated(
+    a: Tracks, seen: Look, params: Params, own: SensorParams, free: Array
+) -> tuple[Tracks, Array, int]:
+    """The tracks given a look, and how probably (n,) they made the detections.
+
+    ``free`` (n,) is the density of detections that they did not make. All Gaussians are compared
+    with detections, each with its share of its track; also how many pairs were left out.
+    """
+    T, n, M = len(a), len(free), 1 if a.modes is None else a.modes.w.shape[1]
+    share, m, P = (np.ones(T), a.m, a.P) if a.modes is None else a.modes.flat()
+    owner, there = np.repeat(np.arange(T), M), np.repeat(a.r, M) * share
+    pairs = near(seen, m, P, own.unscented, params.gate)
+    border = Border.of(seen, m, P, own.fov_mass)
+    p, (m_missed, P_missed) = border.p, border.missed(np.ones(len(m)), np.ones(len(m)))
+    miss = np.maximum(1 - np.bincount(owner, there * p, T), SURE)
+    most = (a.r * seen.p_detect / miss)[owner]
+    faint = most[pairs.target] * np.exp(pairs.log_l) < FAINT * free[pairs.detection]
+    pairs = pairs.take(np.flatnonzero(~faint))
+    g, z = pairs.target, pairs.detection
+    m_hit, P_hit = pairs.updated(seen, m, P)
+    density = there[g] * _found(seen, own, p, pairs, m_hit, P_hit) * np.exp(pairs.log_l)
+    t, of = owner[g], np.arange(len(g))
+    whole, at = density, z
+    if M > 1:
+        key, of = np.unique(t * n + z, return_inverse=True)
+        t, at = np.divmod(key, max(n, 1))
+        whole = np.bincount(of, density, len(key))
+    np.maximum.at(free, at, FREE * whole)
+    hit, none = marginals(t, at, whole / (miss[t] * free[at]), T, n)
+    still = (none / miss)[owner] * there * (1 - p)
+    # A pair that no density supports has no weight, and no share either.
+    part = hit[of] * density / np.maximum(whole, TINY)[of]
+    w, m_new, P_new = matched(
+        np.concatenate((np.arange(T * M), g)),
+        np.concatenate((still, part)),
+        np.concatenate((m_missed, m_hit)),
+        np.concatenate((P_missed, P_hit)),
+        T * M,
     )
-    cut = dict(state.cut)
-    if pairs.cut:
-        cut["pairs"] = cut.get("pairs", 0.0) + pairs.cut
-    return replace(state, tracks=tracks, next_label=state.next_label + len(some), cut=cut)
+    r = np.bincount(owner, w, T)
+    kept = np.flatnonzero(r >= params.min_existence)
+    modes = None
+    if a.modes is not None:
+        gone = w == 0
+        m_new[gone], P_new[gone] = m[gone], P[gone]
+        mode = w / np.maximum(r, TINY)[owner]
+        modes = a.modes.like(mode, m_new, P_new).take(kept)
+        m_new, P_new = modes.together()
+    else:
+        m_new, P_new = m_new[kept], P_new[kept]
+    tracks = Tracks(a.label[kept], np.minimum(r[kept], 1.0), m_new, P_new, modes)
+    return tracks, np.bincount(at, hit, n), pairs.cut
 
 
 def reduce(state: State, params: Params, detections: int) -> State:

@@ -9,20 +9,39 @@ detection that began it, and ends where existence falls for good.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ...models.parameters import parameter
 from ...models.records import Array
+from ..kernels.passes import SmoothParams
+from .modes import Way
 from .source import Classes
+
+
+# Without slots: classes that have some cannot be composed.
+@dataclass(frozen=True)
+class TrailParams(SmoothParams):
+    """How long estimates wait for what comes, and which are shown then."""
+
+    TITLE = "smoothing"
+
+    extract_smoothed: float = parameter(
+        0.95,
+        "1",
+        "smoothed: least existence, then or later, of what is extracted; more than for a filter, "
+        "since it is the largest of many",
+        within="[0, 1)",
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trail:
     """T Bernoullis at ``time_ns`` by label (T,), rising: r (T,), m (T, dx), P (T, dx, dx).
 
-    F and Q (dx, dx) are the motion from the time before, ``classes`` those of targets that are
-    known then or later.
+    F and Q (dx, dx) are the motion from the time before, or ``way`` of those that manoeuvre;
+    ``classes`` are those of targets that are known then or later.
     """
 
     time_ns: int
@@ -33,6 +52,7 @@ class Trail:
     F: Array
     Q: Array
     classes: Classes = field(default_factory=dict)
+    way: Way | None = None
 
 
 def back(later: Trail | None, now: Trail) -> Trail:
@@ -44,10 +64,18 @@ def back(later: Trail | None, now: Trail) -> Trail:
     here, there = np.flatnonzero(known), at[known]
     r, m, P = now.r.copy(), now.m.copy(), now.P.copy()
     r[here] = np.maximum(r[here], later.r[there])
-    m[here], P[here] = smooth(m[here], P[here], later.m[there], later.P[there], later.F, later.Q)
+    ahead = later.m[there], later.P[there]
+    if later.way is None:
+        m[here], P[here] = smooth(m[here], P[here], *ahead, later.F, later.Q)
+    else:
+        came = np.searchsorted(later.way.label, now.label[here])
+        gain = later.way.gain[came]
+        m[here] += (gain @ (ahead[0] - later.way.m[came])[..., None])[..., 0]
+        change = gain @ (ahead[1] - later.way.P[came]) @ gain.swapaxes(1, 2)
+        P[here] += (change + change.swapaxes(1, 2)) / 2
     alive = set(now.label.tolist())
     kept: Mapping[int, Array] = {l: p for l, p in later.classes.items() if l in alive}
-    return Trail(now.time_ns, now.label, r, m, P, now.F, now.Q, {**now.classes, **kept})
+    return replace(now, r=r, m=m, P=P, classes={**now.classes, **kept})
 
 
 def smooth(

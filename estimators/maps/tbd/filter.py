@@ -22,7 +22,7 @@ from ....models.errors import EstimatorError
 from ....models.records import Array, Estimates, Objects, Recording, Scan
 from ..choice import Choice
 from ..params import MAPS
-from .moves import born, rethought, without
+from .moves import CROWD, born, overlapping, rethought, without
 from .params import Params
 from .scene import Layout, View
 from .targets import Targets, predict, update
@@ -34,6 +34,10 @@ PRESETS: dict[str, dict[str, object]] = {}
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
 MEMORY = 0.7
 """What the evidence of a place keeps from scan to scan."""
+SOON = 1, 3, 6, 10
+"""Ages in scans at which what is new beside another target is explained anew."""
+OVERLAP = 6.0
+"""Log-odds of existence that a target loses in a scan in which its body overlaps another."""
 FIRST, LATER = 30, 2
 """Places at which new targets are looked for, in the first scan and in others."""
 
@@ -69,7 +73,9 @@ def step(
     view = View.of(layout, scans, setup).shown(targets.kind, targets.vectors)
     mean = view.mean(targets.kind, targets.vectors)
     targets, mean = update(targets, view, mean, params)
-    gone = np.flatnonzero(targets.exists < -params.birth_price)
+    exists = targets.exists - OVERLAP * overlapping(targets, params)
+    targets = replace(targets, exists=exists)
+    gone = np.flatnonzero(exists < -params.birth_price)
     if len(gone):
         targets, mean = without(targets, view, mean, gone)
     evidence = MEMORY * state.evidence + (1 - MEMORY) * view.gains(mean, params.shape)
@@ -77,12 +83,20 @@ def step(
     if state.time_ns is None:
         evidence /= 1 - MEMORY
     targets, free = born(targets, view, mean, evidence, state.free, most, params)
-    due = np.flatnonzero((targets.age + targets.label) % params.rethink == 1)
+    due = np.flatnonzero(_due(targets, params))
     for label in targets.label[due].tolist():
         about = np.flatnonzero(targets.label == label)
         if len(about):
             targets, mean, free = rethought(targets, view, mean, int(about[0]), free, params)
     return State(targets, evidence, free, time_ns, state.turn + 1)
+
+
+def _due(targets: Targets, params: Params) -> Array:
+    """Which targets (n,) are explained anew: after some scans, and new ones beside others."""
+    p = targets.m[:, :2]
+    crowded = (np.hypot(*(p[:, None] - p).T) < CROWD).sum(0) > 1
+    often = (targets.age + targets.label) % params.rethink == 0
+    return np.asarray((np.isin(targets.age, SOON) & crowded) | (often & (targets.age > 1)))
 
 
 def estimate(

@@ -7,19 +7,31 @@ proposes another explanation of a few targets and is taken where the score rises
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from ....models.records import Array
 from .params import Params
 from .scene import View, windows
-from .targets import PEDESTRIAN, REACH, VEHICLE, Targets, correct, jumped, prior, vector
+from .targets import (
+    OFFSETS,
+    PEDESTRIAN,
+    REACH,
+    VEHICLE,
+    Targets,
+    correct,
+    jumped,
+    prior,
+    vector,
+)
 
-HEADINGS = 12
+HEADINGS, TRIED = 12, 2
+"""Headings of a vehicle in half a turn, and how many of the best of a class are refined."""
 PARTS = np.array([[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0], [-1, 0], [0, 1], [0, -1]])
 """Where on a vehicle its brightest part may be, in halves of length and width."""
-APART = 0.5
-"""Least distance [m] of two pedestrians, and of a pedestrian from the outline of a vehicle."""
+APART, BESIDE = 0.5, 0.3
+"""Least distance [m] of two pedestrians, and of a pedestrian's middle from a vehicle's outline."""
 TENTATIVE = 0.3
 """Share of its price that a new target must be worth to be followed; it is shown when it exists."""
 LEAST, FAILED = 5.0, -10.0
@@ -48,7 +60,7 @@ def best(
     view: View, mean: Array, place: Array, others: Targets, params: Params
 ) -> tuple[float, int, Array, Array, float] | None:
     """Gain, class, state, covariance of what explains ``place`` best, and its lead as a vehicle."""
-    at = windows(view.layout, place[0], place[1], REACH[VEHICLE] + params.vehicle_length / 2)
+    at = windows(view.layout, place[0], place[1], REACH[VEHICLE])
     tried: list[list[tuple[float, Array, float]]] = [[], []]
     for kind, where, heading in proposals(place, params):
         x = np.array([*where, heading, 0.0, 0.0, 0.0])
@@ -56,11 +68,9 @@ def best(
         tried[kind].append((gain, where, heading))
     found = []
     for kind, some in enumerate(tried):
-        for _, where, heading in sorted(some, key=lambda t: -t[0])[:3]:
+        for _, where, heading in sorted(some, key=lambda t: -t[0])[:TRIED]:
             x, P = prior(params, where, heading)
-            start = x
-            for _ in range(2):
-                start, _ = jumped(view, mean, kind, start, P, at, params)
+            start, _ = jumped(view, mean, kind, x, P, OFFSETS[kind], at, params)
             m, P, gain = correct(view, mean, kind, start, P, start, at, params)
             if clear(kind, m, others, params):
                 found.append((gain, kind, m, P))
@@ -91,10 +101,21 @@ def clear(kind: int, m: Array, others: Targets, params: Params) -> bool:
             else:
                 c, s = np.cos(b[4]), np.sin(b[4])
                 points = 0.8 * PARTS * half @ np.array([[c, s], [-s, c]])
-            inside = np.abs((way + points) @ R.T) < half * (0.8 if other == VEHICLE else 1.0)
+            size = half * 0.8 if other == VEHICLE else half + BESIDE
+            inside = np.abs((way + points) @ R.T) < size
             if inside.all(1).any():
                 return False
     return True
+
+
+def overlapping(targets: Targets, params: Params) -> Array:
+    """Which (n,) overlap with one that exists more surely; of equals, not the vehicle."""
+    found = np.zeros(len(targets), bool)
+    order = np.lexsort((targets.label, -targets.kind, -np.round(targets.exists)))
+    for k, i in enumerate(order):
+        before = targets.take(order[:k][~found[order[:k]]])
+        found[i] = not clear(int(targets.kind[i]), targets.m[i], before, params)
+    return found
 
 
 def born(
@@ -145,6 +166,22 @@ def without(targets: Targets, view: View, mean: Array, index: Array) -> tuple[Ta
     return targets.take(np.setdiff1d(np.arange(len(targets)), index)), mean
 
 
+def refitted(
+    targets: Targets, view: View, mean: Array, index: Array, params: Params
+) -> tuple[Targets, Array]:
+    """The targets with those at ``index`` fitted again, from wherever their modes may be."""
+    m, P, mean = targets.m.copy(), targets.P.copy(), mean.copy()
+    for i in index:
+        kind = int(targets.kind[i])
+        view.add(mean, -1.0, kind, vector(m[i]), view.whole)
+        np.maximum(mean, 1.0, out=mean)
+        at = windows(view.layout, m[i, 0], m[i, 1], REACH[kind])
+        start, S = jumped(view, mean, kind, m[i], P[i], OFFSETS[kind], at, params)
+        m[i], P[i], _ = correct(view, mean, kind, m[i], S, start, at, params)
+        view.add(mean, 1.0, kind, vector(m[i]), view.whole)
+    return replace(targets, m=m, P=P), mean
+
+
 def rethought(
     targets: Targets, view: View, mean: Array, about: int, free: int, params: Params
 ) -> tuple[Targets, Array, int]:
@@ -153,6 +190,13 @@ def rethought(
     near = np.flatnonzero(d < CROWD)
     before = score(view, mean, targets, params)
     top, chosen = before + params.birth_price / 2, None
+    if len(near) > 1:
+        kept, rest = without(targets, view, mean, np.array([about]))
+        others = near[near != about]
+        kept, rest = refitted(kept, view, rest, others - (others > about), params)
+        after = score(view, rest, kept, params)
+        if after > top:
+            top, chosen = after, (kept, rest, free)
     for index in ([about], near) if len(near) > 1 else ([about],):
         kept, rest = without(targets, view, mean, np.asarray(index))
         places = view.layout.places
@@ -180,6 +224,4 @@ def _relabelled(
         if d and min(d) < 3.0:
             i = gone.pop(int(np.argmin(d)))
             label[j] = before.label[i]
-    return Targets(
-        after.m, after.P, after.kind, after.exists, after.vehicle, label, after.age
-    ), mean, free  # fmt: skip
+    return replace(after, label=label), mean, free

@@ -46,6 +46,7 @@ def uwb(mapping: Mapping, table: Log, F: Array, tables: Tables, carried: bool, n
     tx, rx = (np.concatenate(column) for column in zip(*ends, strict=True))
     others = [key for key in ("amplitude", "std") if key in table]
     rows, detected = pad(*table.detections(["distance"], others), len(tx) - len(table))
+    table.refuse("distance", rows["distance"][: len(table)] < 0, "is negative")
     own = table.time()
     table.check_shared(own)
     plausible.rows(table, own)

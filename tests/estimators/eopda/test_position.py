@@ -10,7 +10,7 @@ import pytest
 
 from echoset.estimators.eopda import position
 from echoset.estimators.run import Estimation
-from echoset.models.errors import ParameterError
+from echoset.models.errors import InputError, ParameterError
 from echoset.models.parameters import resolve
 from echoset.models.records import Meta, Recording, Sensor, Stream
 
@@ -97,12 +97,21 @@ def test_after_a_pause_the_device_is_found_again(pause):
     assert np.sqrt(covariance[17:].trace(axis1=1, axis2=2)).max() < 0.5
 
 
-def test_a_device_that_is_carried_off_is_sought_anew():
+def test_a_device_that_has_gone_far_in_a_pause_is_found_again():
+    """Four times as far as in the first second, from which the reach of anchors was guessed."""
+    t = np.concatenate((np.arange(15) * 0.1, 60 + np.arange(15) * 0.1))
+    p = np.repeat([[3.0, 2.0], [-20.0, 14.0]], 15, 0)
+    device, *_ = run(recording(p, t, sigma=0.03), **CALIBRATED)
+    assert np.hypot(*(device - p)[16:].T).max() < 1.0
+
+
+def test_a_device_that_is_carried_off_is_sought_anew(caplog):
     t = np.arange(40) * 0.1
     p = np.where(np.arange(40)[:, None] < 20, [1.0, 1.0], [5.0, 4.5])
     device, _, _, steps, _ = run(recording(p, t), **CALIBRATED)
     assert np.hypot(*(device - p)[30:].T).max() < 0.2
     assert 1 <= steps["sought_anew"].sum() <= 3
+    assert [r.message.count("sought anew") for r in caplog.records] == [1]
     _, _, _, steps, _ = run(recording(walk(t), t), **CALIBRATED)
     assert not steps["sought_anew"].any() and (steps["evidence"][1:] > 0).all()
 
@@ -197,6 +206,15 @@ def test_two_anchors_or_one_are_said_once(caplog):
         run(recording(walk(t), t, anchors=CORNERS[:2]), **CALIBRATED, particles=200)
         run(recording(walk(t), t, anchors=CORNERS[:1]), **CALIBRATED, particles=200)
     assert ["mirror" in r.message or "ring" in r.message for r in caplog.records] == [True, True]
+
+
+def test_an_offset_that_excludes_the_ranges_is_refused():
+    t = np.arange(5) * 0.1
+    record = recording(walk(t), t)
+    with pytest.raises(
+        InputError, match="range_bias 20 m is more than half of the first 20 ranges"
+    ):
+        run(record, **CALIBRATED | {"range_bias": 20.0})
 
 
 def test_only_what_can_be_learnt_may_be_named():
