@@ -5,8 +5,8 @@ A link's measurements are a Poisson process of clutter, line of sight and scatte
 its known noise ``sigma_d = c / (sqrt(8) pi beta_bw u)`` with u inversely proportional to the length
 of the path. Transitions and prior are those of the filter
 (:mod:`echoset.models.motion`); signal-to-noise ratio, bandwidth, depth of the sector and heights
-are those of the recording. Where the truth has no extent and no link is passive, the
-bound is that of a device alone (:mod:`.alone`), from ranges and differences. ``pcrlb`` counts the links that
+are those of the recording. Where the truth has no extent and no link is passive, the bound is that
+of a device alone (:mod:`.alone`), from ranges and differences. ``pcrlb`` counts the links that
 delivered an event, ``pcrlb-star`` (:mod:`.pcrlb_star`) the blocked ones as well.
 
 The bound belongs to no estimator: that column is empty. ``<name>-valid`` is 1 while the standard
