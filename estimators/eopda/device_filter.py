@@ -16,7 +16,7 @@ from ...models.records import Estimates, Meta, Recording, Scan
 from .extract import extract
 from .filter import track, turn
 from .learn import learn, with_noise
-from .links import NO_LINKS, Links, Network, link_steps, network
+from .links import NO_LINKS, Network, link_steps, network
 from .odometry import Odometer, odometry_of
 from .resampling import systematic
 from .start import MARGIN, SPAN
