@@ -11,7 +11,7 @@ from typing import IO, Any
 import numpy as np
 
 from ..estimators.presets import preset as named
-from ..estimators.run import GROUP, Estimation, TimedStep
+from ..estimators.run import GROUP, SMOOTH, Estimation, TimedStep
 from ..formats import Writer, header, open_source, read, writer
 from ..formats import scores as files
 from ..formats.provenance import versions
@@ -154,18 +154,23 @@ def _append(steps: Iterable[TimedStep], out: Writer, meta: Meta) -> Timing:
     return timing
 
 
-def chosen(estimator: str, preset: str | None, keep: bool) -> Iterator[Layer]:
-    """The layers that ``--preset`` and ``--keep`` stand for.
+def chosen(estimator: str, preset: str | None, smooth: str | None, keep: bool) -> Iterator[Layer]:
+    """The layers that ``--preset``, ``--smooth`` and ``--keep`` stand for.
 
     Raises
     ------
-    ParameterError : the estimator has no such preset, or nothing that could be kept
+    ParameterError : the estimator has no such preset, cannot smooth, or has nothing to keep
     """
     module = load(GROUP, estimator)
+    known = module.Params.__dataclass_fields__
     if preset is not None:
         yield f"--preset {preset}", named(estimator, preset)
+    if smooth is not None:
+        if SMOOTH not in known:
+            raise ParameterError(f"{estimator} has no way back that --smooth could take")
+        yield "--smooth", {SMOOTH: smooth}
     if keep:
-        if "keep" not in module.Params.__dataclass_fields__:
+        if "keep" not in known:
             raise ParameterError(f"{estimator} has nothing that --keep could keep")
         yield "--keep", {"keep": True}
 

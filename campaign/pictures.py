@@ -12,9 +12,9 @@ from ..models import registry
 from ..models.errors import InputError
 from ..models.names import scenario
 from ..models.records import Estimates, Recording, Scores
-from ..report import plots
+from ..report import Picture, few, plots
 from ..report.plots import Inputs
-from . import inputs
+from . import inputs, log
 
 PHONE = 9.3
 """Width [cm] of plots in a page: that of a phone, on which letters keep their size."""
@@ -57,14 +57,20 @@ def pooled(scores: Scores) -> Scores:
     return pooling.pool(single if len(single) else scores, by_scenario=True)
 
 
-def portraits(found: Inputs) -> dict[str, str] | None:
-    """All plots that scores alone allow, as elements of a page by title; None without Matplotlib.
+def warn_of_few(scores: Scores) -> None:
+    """Say of which metrics less than half of the steps were scored."""
+    for line in few(scores):
+        log.logger.warning("%s", line)
+
+
+def portraits(found: Inputs) -> list[Picture] | None:
+    """All plots that scores alone allow, as pictures of a page; None without Matplotlib.
 
     The kinds that find nothing to show are left out.
     """
     if not plots.available():
         return None
-    made = {}
+    made = []
     scores, pooled = found.tables
     for scene in dict.fromkeys(map(scenario, pooled.recording)):
         one = Inputs(scores=_of(scene, scores), pooled=_of(scene, pooled))
@@ -75,7 +81,8 @@ def portraits(found: Inputs) -> dict[str, str] | None:
                     figure = plots.figure(kind, one, size=(PHONE, plot.SIZE[1]), grow=True)
                 except InputError:
                     continue
-                made[f"{scene}: {plot.SUMMARY}"] = plots.inline(figure, f"{kind} of {scene}")
+                svg = plots.inline(figure, f"{kind} of {scene}")
+                made.append(Picture(scene, kind, f"{scene}: {plot.SUMMARY}", svg))
     return made
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,13 +18,15 @@ from ..metrics import pooling
 from ..metrics import segments as spans
 from ..metrics.beside import TruthWindow, is_one_object
 from ..metrics.gate import Gate
+from ..metrics.kit import fit
 from ..metrics.protocol import GROUP, load
 from ..metrics.run import MetricRun
 from ..models import registry
 from ..models.errors import InputError, ParameterError
 from ..models.names import scenario
 from ..models.parameters import Layer, shown, suggestion
-from ..models.records import Estimates, Recording, Scores
+from ..models.poses import Placement, said
+from ..models.records import Array, Estimates, Recording, Scores
 from . import exits, inputs, log, progress, truth
 from .batch.execution import Execution
 from .batch.task import Whole
@@ -37,13 +40,15 @@ Layers = dict[str, tuple[Layer, ...]]
 class Task:
     """Estimates to be scored by metrics, each with its layers of parameters.
 
-    Metrics that do not apply are left out unless all are ``required``; ``show`` the progress.
+    Metrics that do not apply are left out unless all are ``required``; ``align`` fits the truth to
+    the estimates (``rigid``, ``time`` or ``both``); ``show`` the progress.
     """
 
     source: str
     truth: tuple[str, ...]
     metrics: Layers
     required: bool
+    align: str | None = None
     show: bool = False
     target: None = None
 
@@ -80,6 +85,7 @@ class FileScores:
     tables: Mapping[str, Scores]
     refused: Mapping[str, str]
     one_object: bool
+    aligned: Mapping[str, Any] | None = None
 
 
 def score(task: Task) -> FileScores:
@@ -106,12 +112,18 @@ def score(task: Task) -> FileScores:
         running = [
             MetricRun(name, user, estimates, recording) for name, user in task.metrics.items()
         ]
-        one_object = _measure(running, found, about, task)
+        placed, aligned = None, recording.meta.provenance.get("truth_aligned")
+        if task.align is not None:
+            own = _track(formats.open_windows(source, task.label), task.label)
+            true = _track(formats.open_windows(path, label, recording=place is None), label)
+            placed, aligned = fit.fit(own, true, task.align, task.label)
+        _tell_aligned(task.label, aligned)
+        one_object = _measure(running, found, about, task, placed)
         whole = None
         for metric in running:
             if metric.error is None and not metric.by_steps:
                 whole = whole or _whole(source, place, task.label)
-                metric.score(*whole)
+                metric.score(whole[0], _moved(whole[1], placed))
     found_by = {m.name: m.finish(task.required) for m in running}
     tables = {name: table for name, table in found_by.items() if table is not None}
     refused = {m.name: m.error for m in running if m.error is not None}
@@ -122,7 +134,7 @@ def score(task: Task) -> FileScores:
     _tell_left_out(task.label, Scores.join(tables.values()))
     reasons = {name: str(error) for name, error in refused.items()}
     names = recording.meta.name, estimates.estimator
-    return FileScores(task.label, *names, tables, reasons, one_object)
+    return FileScores(task.label, *names, tables, reasons, one_object, aligned)
 
 
 def decide(results: Sequence[FileScores], required: bool) -> list[Scores]:
@@ -152,6 +164,8 @@ def decide(results: Sequence[FileScores], required: bool) -> list[Scores]:
         if tables:
             used = {name: p for t in tables for name, p in t.provenance["metrics"].items()}
             provenance = {"metrics": used, "versions": versions()}
+            if r.aligned is not None:
+                provenance["truth_aligned"] = {**r.aligned}
             kept.append(replace(Scores.join(tables), provenance=provenance))
     if results and not kept:
         name, text = next(iter(partial[key].items()))
@@ -200,10 +214,16 @@ class Table(Whole[FileScores]):
 
 
 def _measure(
-    running: Sequence[MetricRun], found: formats.Windows, about: formats.Windows, task: Task
+    running: Sequence[MetricRun],
+    found: formats.Windows,
+    about: formats.Windows,
+    task: Task,
+    placed: Placement | None,
 ) -> bool:
     """Have the metrics that go by steps measure all windows; whether there is always one object."""
-    beside = TruthWindow(about.head, iter(about))
+    head = about.head
+    assert isinstance(head, Recording)
+    beside = TruthWindow(_moved(head, placed), (_moved(window, placed) for window in about))
     for metric in running:
         metric.settle(beside.start)
     gap = max((metric.gap for metric in running), default=0.0)
@@ -215,6 +235,36 @@ def _measure(
             metric.measure(*pair)
     beside.rest()
     return one_object
+
+
+def _tell_aligned(label: str, aligned: Mapping[str, Any] | None) -> None:
+    """Say what was fitted of the truth, now or before, and what that does to the scores."""
+    if aligned is None:
+        return
+    found = dict(aligned)
+    text = "%s: the truth was fitted to the %s: %s: %d numbers from %d %s"
+    kind = "positions" if "positions" in found else "ranges"
+    to = "estimates" if kind == "positions" else "ranges"
+    log.logger.warning(text, label, to, said(found), found["fitted"], found[kind], kind)
+    if kind == "positions":
+        text = "%s: by the fit, an rmse of device or centre is too small by a factor of about %.4f"
+        log.logger.warning(text, label, fit.gain(found))
+
+
+def _track(windows: formats.Windows, label: str) -> tuple[Array, Array]:
+    """Times and positions of the one object of estimates, or of the truth."""
+    with closing(windows):
+        found = (w.truth if isinstance(w, Recording) else w for w in windows)
+        return fit.track((part.objects for part in found if part is not None), label)
+
+
+def _moved(recording: Recording, placed: Placement | None) -> Recording:
+    """The recording with its truth so placed."""
+    if placed is None or recording.truth is None:
+        return recording
+    return replace(
+        recording, truth=replace(recording.truth, objects=placed.of(recording.truth.objects))
+    )
 
 
 MANY = 0.05

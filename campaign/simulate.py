@@ -7,7 +7,8 @@ from typing import Any
 
 from ..formats import write
 from ..formats.provenance import versions
-from ..models.errors import ParameterError, is_out_of_range
+from ..models.arithmetic import in_range
+from ..models.errors import ParameterError
 from ..models.parameters import as_dict
 from ..models.random import generator
 from ..models.registry import load
@@ -47,13 +48,9 @@ class Task:
         module = load(GROUP, self.scenario.name)
         announce_compilation()
         rng = generator(self.seed, "simulate", self.label)
-        try:
+        reason = f"{self.label}: its parameters lead to numbers that are out of range"
+        with in_range(ParameterError, reason):
             recording = module.simulate(self.parameters, rng, self.label)
-        except (ArithmeticError, ValueError) as error:
-            if not is_out_of_range(error):
-                raise
-            reason = f"its parameters lead to numbers that are out of range: {error}"
-            raise ParameterError(f"{self.label}: {reason}") from error
         provenance = {**recording.meta.provenance, **self._provenance()}
         meta = replace(recording.meta, provenance=provenance)
         with self.target.open() as target:

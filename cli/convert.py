@@ -90,7 +90,8 @@ def command(
     if propose:
         return _propose(importer, inputs, output)
     if output is None:
-        raise ParameterError("Missing option '-o' / '--output'")
+        last = inputs[-1] if len(inputs) > 1 else f"{PurePath(inputs[0]).stem}.h5"
+        raise ParameterError(f"Missing option '-o' / '--output': where to write, as in -o {last}")
     if importer and recover:
         raise ParameterError("--recover is for our own files, not for --from")
     if importer:

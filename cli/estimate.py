@@ -12,7 +12,24 @@ from ..campaign.outputs import DASH, Existing, plan
 from . import options
 
 
-@click.command("estimate")
+class Command(click.Command):
+    """A command whose ``--smooth`` may have a value: only what is a time, never an input."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse, with ``--smooth`` alone as ``--smooth whole``."""
+        from ..estimators.kernels.passes import LAG
+
+        alone = [
+            i
+            for i, word in enumerate(args)
+            if word == "--smooth" and not LAG.fullmatch(args[i + 1] if i + 1 < len(args) else "")
+        ]
+        for i in alone:
+            args[i] = "--smooth=whole"
+        return super().parse_args(ctx, args)
+
+
+@click.command("estimate", cls=Command)
 @click.option(
     "-e",
     "--estimator",
@@ -31,6 +48,11 @@ from . import options
     "--ignore-sensor-model",
     is_flag=True,
     help="Take no parameters from the recording, as for a study of mismatch.",
+)
+@click.option(
+    "--smooth",
+    metavar="[LAG]",
+    help="Estimate each time from the whole recording, or from up to LAG later, such as 5s.",
 )
 @click.option("--keep", is_flag=True, help="Keep the mixture, particles or samples of every step.")
 @click.option(
@@ -53,6 +75,7 @@ def command(
     settings: tuple[str, ...],
     seed: int,
     ignore_sensor_model: bool,
+    smooth: str | None,
     keep: bool,
     timing: str | None,
     deps: str | None,
@@ -61,8 +84,9 @@ def command(
 ) -> None:
     """Run an estimator over the recordings IN.
 
-    The estimates of a recording go into a folder as <stem of IN>.<estimator>.h5. Parameters come,
-    the later winning, from: defaults, the recording's sensor model, --preset, --config, --set.
+    The estimates of a recording go into a folder as <stem of IN>.<estimator>.h5, or
+    ....<estimator>-smooth.h5. Parameters come, the later winning, from: defaults, --preset, the
+    recording's sensor model, --smooth, --config, --set.
 
     \b
     echoset estimate -e eopda-geo recordings/*.h5 -o estimates/ -j 2
@@ -77,12 +101,12 @@ def command(
 
     if DASH in inputs and len(inputs) > 1:
         raise ParameterError("stdin holds one recording: '-' is to be the only input")
-    user = (*chosen(estimator, preset, keep), *layers(config, settings))
+    user = (*chosen(estimator, preset, smooth, keep), *layers(config, settings))
     asked = Estimation(estimator, user, seed, not ignore_sensor_model)
     with suppress(InputError):
         resolve(asked.module.Params, *user)
     stems = ["stdin" if source == DASH else PurePath(source).stem for source in inputs]
-    names = [f"{stem}.{estimator}" for stem in stems]
+    names = [f"{stem}.{asked.called}" for stem in stems]
     targets = plan(output, names, form, existing, late=execution.keep_going)
     tasks = [
         Task(source, target, asked, len(inputs) == 1, config)

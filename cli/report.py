@@ -35,8 +35,9 @@ def command(
     """Write tables of SCORES.
 
     Scores are pooled over the recordings of each scenario. Several files are read as one; those
-    of 'estimate --timing' add the time per step. HTML is one page without outside parts; with the
-    extra echoset[plot] it has all the plots that the scores allow.
+    of 'estimate --timing' add the time per step. HTML is one page without outside parts, which says
+    first of each scenario which estimator is best and by how much; with the extra echoset[plot] it
+    has all the plots that the scores allow.
 
     \b
     echoset report geo.csv ideal.csv -o report.md
@@ -44,19 +45,21 @@ def command(
     echoset report scores.csv -o report.html
     """
     from ..campaign.inputs import read_scores
-    from ..campaign.pictures import pooled, portraits
+    from ..campaign.pictures import pooled, portraits, warn_of_few
     from ..models.records import Scores
-    from ..report import gaps, page, render, tables
+    from ..report import gaps, headlines, page, render, tables
     from ..report.plots import Inputs
 
     form = form or _SUFFIXES.get(PurePath(output).suffix, "md")
     target = single(output, form, overwrite, scores)
     table = Scores.join([read_scores(source) for source in scores])
     names = tuple(name.strip() for name in by.split(",")) if by else ()
+    warn_of_few(table)
     found = Inputs(scores=table, pooled=pooled(table))
     made = tables(table if "recording" in names else found.tables[1], names)
     if form == "html":
-        text = page(made, table.provenance, portraits(found), gaps(table))
+        said = headlines(*found.tables)
+        text = page(made, table.provenance, portraits(found), gaps(table), said)
     else:
         text = render(made, form, table.provenance)
     target.write_text(text)

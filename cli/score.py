@@ -25,6 +25,11 @@ from . import options
     metavar="NAME,...",
     help="Metrics from 'echoset list metrics'.  [default: all that apply]",
 )
+@click.option(
+    "--align",
+    type=click.Choice(["rigid", "time", "both"]),
+    help="Fit the truth's frame, its clock or both to the estimates of one object; it is said.",
+)
 @click.option("--pool", is_flag=True, help="Add rows pooled over the recordings, called *.")
 @click.option(
     "--segments",
@@ -49,6 +54,7 @@ def command(
     estimates: tuple[str, ...],
     truth: tuple[str, ...],
     metrics: str | None,
+    align: str | None,
     pool: bool,
     segments: str | None,
     gates: tuple[str, ...],
@@ -82,5 +88,5 @@ def command(
     names = [name.strip() for name in metrics.split(",")] if metrics else registry.names(GROUP)
     chosen = layers(names, configuration.layers(config, settings))
     asked, alone = bool(metrics), len(estimates) == 1
-    tasks = [Task(source, truth, chosen, asked, alone) for source in estimates]
+    tasks = [Task(source, truth, chosen, asked, align, alone) for source in estimates]
     run(tasks, execution, None, deps, Table(target, bounds, pool, limits, config, asked))

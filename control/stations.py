@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..estimators import mbm, phd
+from ..estimators.maps import evidence
 from ..estimators.maps.detector import Chain
 from ..estimators.maps.kernels.fusion import Pixels
 from ..models.classifier import CLASSES
@@ -54,10 +55,10 @@ class Condition:
         """The parameters of the filter."""
         module = FILTERS[self.filter]
         preset = module.PRESETS[self.preset] if self.preset != "default" else {}
-        layers = preset, GATES[self.gate], {"stations": self.stations}, dict(self.changes)
-        named_ = ((self.name, layer) for layer in layers)
+        layers = GATES[self.gate], {"stations": self.stations}, dict(self.changes)
+        named_ = (("preset", preset), *((self.name, layer) for layer in layers))
         stated = sensor_model(recording, module.Params)
-        return module.resolved(module.Params, recording, stated, tuple(named_))
+        return module.resolved(module.Params, recording, stated, named_)
 
 
 Soft = Mapping[int, Array]
@@ -189,11 +190,11 @@ def _untracked(recording: Recording, condition: Condition, soft: Soft) -> Steps:
         z, _ = chain.cluster(t, map_, p, gate, room)
         n = len(z)
         label = np.arange(n) + 1000 * k
-        log_p = np.log(np.maximum(chain.identify(t, map_, z), 1e-9))
+        told = evidence.read(chain.identify(t, map_, z))
         state = np.hstack((z, np.zeros((n, 2))))
         names, units = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
         objects = Objects(np.array([t]), np.array([0, n]), label, names, units, state)
-        classes = dict(zip(label.tolist(), log_p, strict=True))
+        classes = dict(zip(label.tolist(), told, strict=True))
         steps.append(Estimates(recording.meta, chain.named(objects, classes), {}))
     return _named(recording, condition, steps)
 

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..estimators.points import phd
+from ..estimators.points import phd, phd_filter
+from ..estimators.points.context import Context
 from ..estimators.presets import preset
 from ..models.parameters import as_dict, parameter, require, resolve
 from ..models.records import Array, Meta, Recording, Stream, Truth
@@ -52,7 +53,7 @@ class Params(scene.Params):
         """Names of the regions: B1, B2, ..."""
         return [f"B{i + 1}" for i in range(len(self.regions))]
 
-    def filter_params(self) -> phd.Params:
+    def filter_params(self) -> phd_filter.Params:
         """The filter in the loop."""
         said = {
             **{key: getattr(self, key) for key in SENSOR_MODEL},
@@ -64,7 +65,7 @@ class Params(scene.Params):
             ("scenario", said),
             ("filter", self.filter),
         )
-        return resolve(phd.Params, *layers)
+        return resolve(phd_filter.Params, *layers)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +93,7 @@ def loop(params: Params, world: scene.World) -> Iterator[Step]:
     """The steps of the closed loop in a world whose random numbers are drawn."""
     empty = _stream(params, np.zeros(0, np.int64), np.zeros(1, np.int64), [], {})
     setup = Recording(Meta("loop"), {"radar": params.sensor()}, {"radar": empty})
-    context, state = phd.Context.of(setup, params.filter_params()), phd.init()
+    context, state = Context.of(setup, params.filter_params()), phd_filter.init()
     choose = load("echoset.policies", params.policy).choose
     mean = variance = np.zeros(len(params.regions))
     for k, time_ns in enumerate(world.objects.time_ns.tolist()):

@@ -11,7 +11,8 @@ from ..models.records import Estimates, Recording, Scan
 from .maps.detector import Chain, files
 from .maps.params import MAPS, MapParams
 from .points import mbm_filter, sensing
-from .points.mbm import Context, run
+from .points.context import Context
+from .points.mbm import run
 from .points.streams import resolved
 from .presets import Presets
 
@@ -40,7 +41,7 @@ class Params(MapParams, mbm_filter.Params):
         MapParams.__post_init__(self)
 
 
-def context(setup: Recording, params: Params) -> Context:
+def context(setup: Recording, params: Params) -> Context[Params]:
     """What stays for a recording.
 
     Raises

@@ -10,8 +10,9 @@ import numpy as np
 from ..models.records import Estimates, Recording, Scan
 from .maps.detector import Chain, files
 from .maps.params import MAPS, MapParams
-from .points import phd, sensing
-from .points.phd import Context, run
+from .points import phd_filter, sensing
+from .points.context import Context
+from .points.phd import run
 from .points.streams import resolved
 from .presets import Presets
 
@@ -32,15 +33,15 @@ PRESETS = Presets("echoset.estimators.points", "phd")
 
 
 @dataclass(frozen=True)
-class Params(MapParams, phd.Params):
+class Params(MapParams, phd_filter.Params):
     """The filter's, and the way from maps to detections."""
 
     def __post_init__(self) -> None:
-        phd.Params.__post_init__(self)
+        phd_filter.Params.__post_init__(self)
         MapParams.__post_init__(self)
 
 
-def context(setup: Recording, params: Params) -> Context:
+def context(setup: Recording, params: Params) -> Context[Params]:
     """What stays for a recording.
 
     Raises

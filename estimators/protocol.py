@@ -23,6 +23,9 @@ class Estimator(Protocol):
     layers)``, which makes the parameters of a recording from what its streams state and what the
     user says; others are resolved for all streams at once.
 
+    One that can smooth has the parameter ``smooth`` (:mod:`.kernels.passes`), which ``--smooth``
+    sets, and yields then what is known of each time at the end, or a lag later.
+
     One that reads files beside the recording has ``files(setup, params)``, which names them by the
     parameters that they belong to: their digests stand in the provenance. A parameter with a path
     has the unit ``file``.

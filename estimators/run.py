@@ -10,16 +10,17 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from numpy.linalg import LinAlgError
-
+from ..models.arithmetic import in_range
 from ..models.checks import check_objects, check_steps
-from ..models.errors import EstimatorError, FormatError, InputError, is_out_of_range
-from ..models.parameters import Layer, as_dict, resolve, sensor_model
+from ..models.errors import EstimatorError, FormatError, InputError
+from ..models.parameters import Layer, as_dict, layered, resolve, sensor_model
 from ..models.random import generator
 from ..models.records import Estimates, Recording, Scan
 from ..models.registry import load
 
 GROUP = "echoset.estimators"
+SMOOTH, FILTERED = "smooth", "none"
+"""The parameter of estimators that can smooth, and its value where they do not."""
 
 TimedStep = tuple[Estimates, float]
 """The estimates of a step, and the seconds that it took."""
@@ -29,7 +30,8 @@ TimedStep = tuple[Estimates, float]
 class Estimation:
     """A request: an estimator by name, its layers of parameters, its seed.
 
-    The layers come after the recording's own, which count if ``use_sensor_model``.
+    The recording's own layers, which count if ``use_sensor_model``, come after presets and before
+    what else there is.
     """
 
     estimator: str
@@ -41,6 +43,12 @@ class Estimation:
     def module(self) -> Any:
         """The estimator's module."""
         return load(GROUP, self.estimator)
+
+    @property
+    def called(self) -> str:
+        """What its estimates are called: smoothed ones can stand beside those of the filter."""
+        said = [layer[SMOOTH] for _, layer in self.layers if SMOOTH in layer]
+        return f"{self.estimator}-smooth" if said and said[-1] != FILTERED else self.estimator
 
     @property
     def uses_truth(self) -> bool:
@@ -73,7 +81,7 @@ class Estimation:
         if hasattr(module, "resolved"):
             params = module.resolved(module.Params, setup, stated, self.layers)
         else:
-            params = resolve(module.Params, *stated, *self.layers)
+            params = resolve(module.Params, *layered(stated, self.layers))
         return EstimatorRun(self, setup, params, label)
 
 
@@ -107,12 +115,9 @@ class EstimatorRun:
         steps = self.asked.module.estimate(self.setup, seen, self.params, rng)
         for number in count(1):
             start = now()
-            try:
+            place = f"{self.label}: step {number}"
+            with in_range(EstimatorError, place):
                 step = next(steps, None)
-            except (ArithmeticError, ValueError) as error:
-                if not (isinstance(error, LinAlgError) or is_out_of_range(error)):
-                    raise
-                raise EstimatorError(f"{self.label}: step {number}: {error}") from error
             seconds = now() - start
             if step is None:
                 break
@@ -121,7 +126,7 @@ class EstimatorRun:
                 check_steps(step.steps, len(step.objects.time_ns))
             except FormatError as error:
                 reason = f"{error.where} {error.reason}"
-                raise EstimatorError(f"{self.label}: step {number}: {reason}") from error
+                raise EstimatorError(f"{place}: {reason}") from error
             self.found.update(step.meta.provenance.get("found", {}))
             yield step, seconds
         deque(scans, maxlen=0)
@@ -138,7 +143,7 @@ class EstimatorRun:
         """
         input = {"name": self.setup.meta.name, "digest": digest, "content_digest": content_digest}
         found = {
-            "estimator": self.asked.estimator,
+            "estimator": self.asked.called,
             "parameters": as_dict(self.params),
             "seed": self.asked.seed,
             "versions": dict(versions),

@@ -210,6 +210,20 @@ def attributes(path: str) -> dict[str, Any]:
     return found
 
 
+def states(path: str, found: Mapping[str, Any]) -> bool:
+    """Whether the dataset at ``path`` has its attributes.
+
+    A file may know fewer codes than there are today: those that have come are behind them.
+    """
+    wanted = attributes(path)
+    if "flag_meanings" in wanted:
+        known = len(str(found.get("flag_meanings", "")).split())
+        flags = COLUMNS[path.rpartition("/")[2]].flags[:known]
+        wanted["flag_meanings"] = " ".join(flags)
+        wanted["flag_values"] = ",".join(map(str, range(len(flags))))
+    return dict(found) == wanted
+
+
 def grows(path: str) -> bool:
     """Whether the leaf at ``path`` is an array of one value per scan, step or row."""
     known = declared(path)

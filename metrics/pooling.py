@@ -48,14 +48,17 @@ def pool(scores: Scores, by_scenario: bool = False) -> Scores:
     ------
     InputError : a recording was scored twice for the same estimator, with different results
     """
-    done = Runs.of(scores.recording).where(lambda name: name.endswith("*"))
-    raw = scores.take(np.flatnonzero(~done))
+    raw = scores.where(lambda name: not name.endswith("*"))
+    ready = scores.where(lambda name: name.endswith("*"))
     pools = Runs.of(raw.recording).map(lambda name: f"{scenario(name)}-*" if by_scenario else "*")
     tables = []
     for key, members in groups(pools, raw.estimator, raw.metric, raw.part).items():
         tables += _pool_rows(raw.take(members), key)
-    fresh, ready = Scores.join(tables), scores.take(np.flatnonzero(done))
-    facts = set(_facts(fresh)) if len(ready) else set()
+    fresh = Scores.join(tables)
+    del tables
+    if not len(ready):
+        return replace(fresh, provenance=scores.provenance)
+    facts = set(_facts(fresh))
     other = np.array([fact not in facts for fact in _facts(ready)], bool)
     return replace(
         Scores.join([fresh, ready.take(np.flatnonzero(other))]), provenance=scores.provenance

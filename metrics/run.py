@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
+from ..models.arithmetic import in_range
 from ..models.errors import InputError
 from ..models.parameters import Layer, as_dict, resolve, sensor_model
 from ..models.records import Estimates, Objects, Recording, Scores
@@ -59,19 +61,15 @@ class MetricRun:
         params = self._settled
         if getattr(params, "skip", 0):
             params = replace(params, skip=max(0, params.skip - self._steps))
-        try:
+        with self._refusals():
             self._measured.append(self._metric.measure(estimates, recording, params))
-        except InputError as error:
-            self.error = error
         self._steps += len(estimates.objects.time_ns)
 
     def score(self, estimates: Estimates, recording: Recording) -> None:
         """Take everything at once."""
         if self.error is None:
-            try:
+            with self._refusals():
                 self._table = self._metric.score(estimates, recording, self.params)
-            except InputError as error:
-                self.error = error
 
     def finish(self, required: bool) -> Scores | None:
         """The scores, with the parameters as provenance; None where the metric does not apply.
@@ -80,16 +78,24 @@ class MetricRun:
         ------
         InputError : it does not apply, but is ``required``
         """
-        table, summarise = self._table, self._metric.summarise
-        if self.error is None and table is None and summarise is not None:
-            try:
-                table = finish(summarise, self._names, self._measured, self.params)
-            except InputError as error:
-                self.error = error
+        summarise = self._metric.summarise
+        if self.error is None and self._table is None and summarise is not None:
+            with self._refusals():
+                self._table = finish(summarise, self._names, self._measured, self.params)
         if self.error is not None and required:
             raise self.error
         used = {"metrics": {self.name: as_dict(self.params)}}
-        return None if table is None else replace(table, provenance=used)
+        return None if self._table is None else replace(self._table, provenance=used)
+
+    @contextmanager
+    def _refusals(self) -> Iterator[None]:
+        """Note why the metric does not apply; numbers whose squares overflow are such a reason."""
+        reason = f"{self._names[0]}: {self.name} is not computed from numbers so large or small"
+        try:
+            with in_range(InputError, reason):
+                yield
+        except InputError as error:
+            self.error = error
 
 
 def score(name: str, user: Iterable[Layer], estimates: Estimates, recording: Recording) -> Scores:

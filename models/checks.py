@@ -25,9 +25,11 @@ from .columns import (
     SENSOR,
     STEPS,
     STREAM_KINDS,
+    TDOA,
     Column,
     Leaf,
 )
+from .covariance import indefinite
 from .radar.checks import check_detections
 from .records import Array, Estimates, Meta, Model, Objects, Recording, Sensor, Stream, Truth
 from .where import Where
@@ -43,8 +45,6 @@ KEY = re.compile(r"[^\s/.\x00-\x1f\x7f-\x9f\ud800-\udfff][^/\x00-\x1f\x7f-\x9f\u
 """What sensor parameters and diagnostics may be called: safe in paths, topics and HDF5."""
 NUMBERS = ("b1", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8")
 """Types that all formats hold."""
-ROUNDING = 1e-9
-"""How far below zero, of correlations, an eigenvalue of a covariance may be."""
 EXTENT = ("semi_axes", "rotation")
 
 
@@ -165,6 +165,10 @@ def check_stream(
         nodes = [sensors[node].kind for node in stream.nodes]
         mode, tx, rx = (stream.scan[key] for key in ("mode", "tx", "rx"))
         _check_links(mode, tx, rx, nodes, at / "scan")
+        _check_differences(stream, nodes, at)
+    elif stream.kind == "odometry":
+        if m:
+            (at / "row_offset").fail(f"odometry has no rows, yet there are {m}")
     else:
         check_detections(stream, at)
 
@@ -196,7 +200,8 @@ def check_objects(objects: Objects, place: str, path: object = "recording") -> N
         place_.none(np.abs(P - P.swapaxes(1, 2)) > scale, P, "is not symmetric")
         variance = np.diagonal(P, axis1=1, axis2=2)
         place_.none(variance < 0, variance, "is a negative variance")
-        place_.none(lowest(P) < -ROUNDING, P[:, 0], "begins a covariance that is not semidefinite")
+        bad, reason = indefinite(P)[:, None], "begins a covariance that is not semidefinite"
+        place_.none(bad, P[:, 0], reason)
     if o.existence is not None:
         (at / "existence").probability(o.existence)
     _check_classes(o, at)
@@ -216,17 +221,6 @@ def _check_array(values: Any, leaf: Leaf, sizes: Mapping[str, int], at: Where) -
             at.fail("must be an array of integers")
         dtype = values.dtype.str
     at.array(values, dtype, shape)
-
-
-def lowest(P: Array) -> Array:
-    """Lowest eigenvalues (m, 1) of the correlations in symmetric matrices P (m, dx, dx).
-
-    Where a variance is zero, its correlations count as if it were the least positive number.
-    """
-    std = np.sqrt(np.diagonal(P, axis1=1, axis2=2).clip(np.finfo(float).tiny))
-    with np.errstate(over="ignore"):
-        correlation = (P / std[:, :, None] / std[:, None, :]).clip(-1e9, 1e9)
-    return np.linalg.eigvalsh(correlation)[:, :1]
 
 
 def check_steps(steps: Mapping[str, Array], n: int, path: object = "recording") -> None:
@@ -274,6 +268,9 @@ def _check_nodes(stream: Stream, sensors: Mapping[str, Sensor], at: Where) -> No
             at.fail(f"{nodes[kinds.index('radar')]!r} is a radar, not a UWB node")
         if "anchor" not in kinds:
             at.fail("anchors missing: none of the nodes is an anchor with a known position")
+    elif stream.kind == "odometry":
+        if kinds != ["device"]:
+            at.fail(f"odometry is that of one device, got {' '.join(kinds) or None}")
     elif kinds != ["radar"]:
         at.fail(f"a stream of kind {stream.kind!r} needs one radar, got {' '.join(kinds) or None}")
 
@@ -355,6 +352,26 @@ def _check_links(mode: Array, tx: Array, rx: Array, kinds: list[str], at: Where)
     (at / "rx").none(~anchor[rx], rx, "is not an anchor")
     (at / "tx").none((mode == ACTIVE) & anchor[tx], tx, "is not a device, yet the link is active")
     (at / "tx").none((mode == PASSIVE) & ~anchor[tx], tx, "is a device, yet the link is passive")
+    (at / "tx").none((mode == TDOA) & anchor[tx], tx, "is not a device, yet the link is tdoa")
+
+
+def _check_differences(stream: Stream, kinds: list[str], at: Where) -> None:
+    """Differences name the anchor that they are taken from; nothing else is negative."""
+    difference = stream.scan["mode"] == TDOA
+    reference = stream.scan.get("reference")
+    if reference is None:
+        if difference.any():
+            (at / "scan").fail("column 'reference' is missing, yet there are tdoa events")
+    else:
+        own, of = at / "scan/reference", np.where(difference, reference, 0)
+        own.none((of < 0) | (of >= len(kinds)), of, f"is not one of {len(kinds)} nodes")
+        anchor = np.array([kind == "anchor" for kind in kinds], bool)
+        own.none(difference & ~anchor[of], of, "is not an anchor")
+        own.none(difference & (of == stream.scan["rx"]), of, "is the anchor itself")
+        own.none(~difference & (reference != -1), reference, "is not -1, yet no tdoa event")
+    of_rows = np.repeat(difference, np.diff(stream.row_offset))
+    distance = stream.rows["distance"]
+    (at / "rows/distance").none((distance < 0) & ~of_rows, distance, "is negative")
 
 
 def _check_classes(o: Objects, at: Where) -> None:

@@ -15,6 +15,8 @@ from .records import Array
 
 CLASSES = ("pedestrian", "vehicle")
 """Their names, in the order of the network's outputs."""
+TRAINED = (0.5, 0.5)
+"""Their shares among what the network learns from: as many of one as of the other."""
 WINDOW = 60
 """Pixels along a side of a window: 6 m."""
 CELL = 0.1

@@ -13,9 +13,9 @@ from functools import lru_cache
 
 import numpy as np
 
-ACTIVE, PASSIVE = 0, 1
-MODES = ("active", "passive")
-STREAM_KINDS = ("position", "range_bearing", "uwb", "range_angle_map")
+ACTIVE, PASSIVE, TDOA = 0, 1, 2
+MODES = ("active", "passive", "tdoa")
+STREAM_KINDS = ("position", "range_bearing", "uwb", "range_angle_map", "odometry")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +46,30 @@ COLUMNS: dict[str, Column] = {
     "mode": Column("u1", "1", "link mode", "scan", flags=MODES),
     "tx": Column("i4", "1", "index of the transmitting node", "scan", minimum=0),
     "rx": Column("i4", "1", "index of the receiving node", "scan", minimum=0),
+    "reference": Column(
+        "i4", "1", "index of the node whose distance is taken off; -1: none", "scan"
+    ),
+    "velocity_x": Column(
+        "f8", "m s-1", "velocity forward, in the body's frame", "scan", missing=True
+    ),
+    "velocity_y": Column(
+        "f8", "m s-1", "velocity to the left, in the body's frame", "scan", missing=True
+    ),
+    "turn_rate": Column("f8", "rad s-1", "turn rate, anticlockwise", "scan", missing=True),
+    "heading": Column(
+        "f8", "rad", "heading, anticlockwise from the map's x axis", "scan", missing=True
+    ),
+    **{
+        f"std_{name}": Column(
+            "f8", unit, f"standard deviation of {name}", "scan", missing=True, minimum=0.0
+        )
+        for name, unit in (
+            ("velocity_x", "m s-1"),
+            ("velocity_y", "m s-1"),
+            ("turn_rate", "rad s-1"),
+            ("heading", "rad"),
+        )
+    },
     "view_azimuth_min": Column("f8", "rad", "field of view, first azimuth", "scan"),
     "view_azimuth_max": Column("f8", "rad", "field of view, last azimuth", "scan"),
     "view_range_min": Column("f8", "m", "field of view, nearest range", "scan", minimum=0.0),
@@ -53,7 +77,7 @@ COLUMNS: dict[str, Column] = {
     "map": Column(
         "f4", "1", "range-angle map: linear power over the noise", "scan", minimum=0.0, axes=2
     ),
-    "distance": Column("f8", "m", "measured path length", minimum=0.0),
+    "distance": Column("f8", "m", "measured path length"),
     "amplitude": Column("f8", "1", "normalised amplitude, square root of the SNR", minimum=0.0),
     "std": Column("f8", "m", "standard deviation of the range noise", minimum=0.0),
     "x": Column("f8", "m", "x in the sensor frame"),
@@ -73,6 +97,12 @@ COLUMNS: dict[str, Column] = {
     "origin_x": Column("f8", "m", "x of the point of origin", evaluation=True, missing=True),
     "origin_y": Column("f8", "m", "y of the point of origin", evaluation=True, missing=True),
     "origin_z": Column("f8", "m", "z of the point of origin", evaluation=True, missing=True),
+    **{
+        f"origin_{name}": replace(
+            column, long_name=f"true {column.long_name}", evaluation=True, missing=True
+        )
+        for name, column in _covariance("xyz").items()
+    },
 }
 
 REQUIRED: dict[str, tuple[str, ...]] = {
@@ -80,6 +110,7 @@ REQUIRED: dict[str, tuple[str, ...]] = {
     "range_bearing": ("range", "azimuth"),
     "uwb": ("mode", "tx", "rx", "distance"),
     "range_angle_map": ("map",),
+    "odometry": (),
 }
 
 TEXT, TEXTS, INTEGER, VALUE = "text", "texts", "integer", "number, text, boolean, array `f8`"
@@ -144,7 +175,7 @@ META = (    _hidden("kind", TEXT, "", "", "`recording` or `estimates`"),
     _leaf("frame", TEXT, meaning="name of the map's frame"),
     _leaf("origin", TEXT, meaning="where the map's origin lies on Earth, free text, may be empty"),
     _hidden("provenance", TEXT, "", "", "a JSON object of plain data with sorted keys: where "
-            "the record comes from, see [](reproducibility.md)"),
+            "the record comes from, see [Reproducibility](reproducibility.md)"),
 )  # fmt: skip
 
 SENSOR = (
@@ -158,17 +189,18 @@ SENSOR = (
 )  # fmt: skip
 
 STREAM = (
-    _leaf("kind", TEXT, meaning="`position`, `range_bearing`, `uwb` or `range_angle_map`"),
-    _leaf("nodes", TEXTS, meaning="its sensors: one radar, or the anchors and devices that `tx` "
-          "and `rx` count into from 0"),
+    _leaf("kind", TEXT, meaning="`position`, `range_bearing`, `range_angle_map`, `uwb` or "
+          "`odometry`"),
+    _leaf("nodes", TEXTS, meaning="its sensors: one radar, the anchors and devices that `tx`, "
+          "`rx` and `reference` count into from 0, or the device whose body odometry moves"),
     _leaf("model/<name>", VALUE, "", "as the parameter", "sensor model: what estimators take as "
           "parameters where names agree, and axes and tables, see below"),
     _leaf("time_ns", "i8", "n", "ns", "time of each scan or link event, never falling; each radar "
           "scan has a time of its own"),
     _leaf("row_offset", "i8", "n+1", "1"),
-    _leaf("scan/<column>", COLUMN, "n ...", "", "[columns](reference/columns.md) with a value per "
+    _leaf("scan/<column>", COLUMN, "n ...", "", "*columns* in the reference with a value per "
           "scan, `map` (n, range, azimuth)"),
-    _leaf("rows/<column>", COLUMN, "m", "", "[columns](reference/columns.md) with a value per "
+    _leaf("rows/<column>", COLUMN, "m", "", "*columns* in the reference with a value per "
           "detection"),
 )  # fmt: skip
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 _LONGEST, _END = 500, 100
 
 
@@ -36,7 +34,7 @@ class FormatError(InputError):
     Parameters
     ----------
     path : file as the user named it
-    where : place in the file: a dataset, topic, line or offset; may be empty
+    where : place in the file: a dataset, topic, line or offset; empty if it is the file itself
     reason : what is wrong there
     """
 
@@ -64,16 +62,3 @@ class UnavailableError(EchosetError):
     """A lock is held, or a cluster cannot be reached: the command may be tried again later."""
 
     exit_code = 75
-
-
-_OUT_OF_RANGE = re.compile(
-    "too large|cannot convert (float|complex)|infs or NaNs|negative dimensions|scale < 0|Singular"
-    "|not positive definite|did not converge|low >= high|range exceeds valid bounds"
-)
-
-
-def is_out_of_range(error: Exception) -> bool:
-    """Whether ``error`` is what Python and its libraries make of numbers that they cannot take."""
-    return isinstance(error, ArithmeticError) or (
-        isinstance(error, ValueError) and bool(_OUT_OF_RANGE.search(str(error)))
-    )

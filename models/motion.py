@@ -32,6 +32,20 @@ def white_acceleration(dt: float) -> Array:
     return np.block([[dt**3 / 3 * I, dt**2 / 2 * I], [dt**2 / 2 * I, dt * I]])
 
 
+def coordinated_turn(dt: float, rate: float) -> Array:
+    """Transition (4, 4) of x y vx vy over ``dt`` [s] with the velocity turning by ``rate`` [rad/s].
+
+    Bar-Shalom, Li and Kirubarajan, section 11.7.1; that of constant velocity where it is 0.
+    """
+    angle = rate * dt
+    # sin(a) / w and (1 - cos(a)) / w, both exact for small angles.
+    along = dt * np.sinc(angle / np.pi)
+    across = dt * np.sin(angle / 2) * np.sinc(angle / 2 / np.pi)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    way = np.array([[along, -across], [across, along]])
+    return np.block([[np.eye(2), way], [np.zeros((2, 2)), turn]])
+
+
 STEP = 0.1
 """Time [s] to which the standard deviations of a device's motion and random walks refer."""
 

@@ -362,7 +362,7 @@ class Scores:
             if which is not None:
                 test = which if callable(which) else which.__eq__
                 found &= Runs.of(getattr(self, column)).where(test)
-        return self.take(np.flatnonzero(found))
+        return self if found.all() else self.take(np.flatnonzero(found))
 
     @staticmethod
     def join(tables: Iterable[Scores]) -> Scores:

@@ -17,8 +17,8 @@ def gaps(scores: Scores) -> Table:
     """
     known: dict[str, set[str]] = {}
     there: dict[tuple[str, str], dict[str, set[str]]] = {}
-    names = list(zip(scores.recording, scores.estimator, scores.metric, strict=True))
-    for recording, estimator, metric in names:
+    names = zip(scores.recording, scores.estimator, scores.metric, strict=True)
+    for recording, estimator, metric in dict.fromkeys(names):
         if estimator and not recording.endswith("*") and not metric.endswith("-left-out"):
             scene = scenario(recording)
             known.setdefault(scene, set()).add(recording)
@@ -33,15 +33,26 @@ def gaps(scores: Scores) -> Table:
             absent = known[scene] - recordings - nowhere
             if absent:
                 lines.append((scene, estimator, metric, _list(absent)))
-    left: dict[tuple[str, str, str], float] = {}
-    for (recording, estimator, metric), value in zip(names, scores.value.tolist(), strict=True):
-        if metric.endswith("-left-out") and value > 0 and not recording.endswith("*"):
-            key = scenario(recording), estimator, metric.removesuffix("-left-out")
-            left[key] = left.get(key, 0) + value
-    lines += [(*key, f"{n:g} step{'s' * (n != 1)} without truth") for key, n in left.items()]
+    for key, (count, of) in left_out(scores).items():
+        if count:
+            some = f"{count} step{'s' * (count != 1)}"
+            lines.append((*key, f"{some} without truth within max_gap, or estimate, of {of}"))
     return Table(
         "Failures and gaps", ("scenario", "estimator", "metric", "what is missing"), tuple(lines)
     )
+
+
+def left_out(scores: Scores) -> dict[tuple[str, str, str], tuple[int, int]]:
+    """How many steps were left out of how many, by scenario, estimator and metric."""
+    end = "-left-out"
+    out = scores.where(lambda name: not name.endswith("*"), bool, lambda m: m.endswith(end))
+    found: dict[tuple[str, str, str], tuple[int, int]] = {}
+    columns = out.recording, out.estimator, out.metric, out.value.tolist(), out.n.tolist()
+    for recording, estimator, metric, count, n in zip(*columns, strict=True):
+        key = scenario(recording), estimator, metric.removesuffix(end)
+        before, of = found.get(key, (0, 0))
+        found[key] = before + int(count), of + n
+    return found
 
 
 def _list(recordings: set[str]) -> str:

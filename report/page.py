@@ -1,7 +1,8 @@
-"""A report as one page of HTML: tables, plots, gaps, parameters, provenance; nothing from outside.
+"""A report as one page of HTML: what it says first, plots, tables, gaps, parameters, provenance.
 
-It needs no script, no font and no file but itself, and it fits a phone: wide tables and long ones
-scroll in a frame of their own, plots are drawn at the width of a phone and arranged in columns.
+It needs no script, no font and no file but itself, and it fits a phone: wide tables scroll in a
+frame of their own, long ones are folded, plots are drawn at the width of a phone and arranged in
+columns.
 """
 
 from __future__ import annotations
@@ -9,16 +10,17 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ..models.names import printable
+from .summary import Headline
 from .table import Cell, Table, as_shown, plain
 
-Plots = Mapping[str, str]
-"""Titles and ``<svg>`` elements."""
-
-LONG = 25
-"""Lines above which a table is kept in a frame that scrolls."""
+LONG = 12
+"""Lines above which a table is folded."""
+_LEADS = {"rmse": "rmse"}
+"""The kind of plot that shows a metric best; ``sets`` for all others."""
 _STYLE = """
 :root{color-scheme:light}
 *{box-sizing:border-box}
@@ -31,7 +33,6 @@ p{margin:.4rem 0}
 nav a{margin-right:1rem}
 a{color:#005a8e}
 .scroll{overflow:auto;margin:.3rem 0 1.2rem;width:fit-content;max-width:100%}
-.long{max-height:24rem;border:1px solid #ccc}
 table{border-collapse:separate;border-spacing:0;font-variant-numeric:tabular-nums;font-size:.92rem}
 th,td{padding:.25rem .7rem;border-bottom:1px solid #ddd;text-align:right;white-space:nowrap}
 th{background:#e6eff5;position:sticky;top:0;z-index:1}
@@ -45,21 +46,37 @@ figure{margin:0 0 1.4rem;break-inside:avoid}
 figure svg{display:block;width:100%;max-width:34rem;height:auto}
 figcaption{font-weight:600;padding:.2rem 0}
 pre{overflow:auto;background:#f4f4f4;padding:.6rem;font-size:.8rem;max-height:24rem}
-@media print{.long{max-height:none}nav{display:none}}
+.lead{max-width:34rem}
+summary{font-weight:600;padding:.2rem 0;cursor:pointer}
+@media print{nav{display:none}}
 """
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A plot of a ``kind`` that shows a scenario: its title and its ``<svg>`` element."""
+
+    scenario: str
+    kind: str
+    title: str
+    svg: str
 
 
 def page(
     tables: Sequence[Table],
     provenance: Mapping[str, Any],
-    plots: Plots | None = None,
+    plots: Sequence[Picture] | None = None,
     gaps: Table | None = None,
+    headlines: Sequence[Headline] = (),
 ) -> str:
     """The page; without ``plots`` a line says how to get them, without ``gaps`` nothing of them."""
     tables = [as_shown(t) for t in tables]
+    leads = [_lead(h, plots or ()) for h in headlines]
+    others = None if plots is None else [p for p in plots if p not in leads]
     sections = {
+        "Summary": "".join(map(_headline, headlines, leads)),
+        "Plots": _plots(others) if others or not any(leads) else "",
         "Tables": "".join(_table(t) for t in tables if not _timed(t)),
-        "Plots": _plots(plots),
         "Over time": "".join(_table(t) for t in tables if _timed(t)),
         "Failures and gaps": "" if gaps is None else _gaps(as_shown(gaps)),
         "Parameters": "".join(map(_table, _parameters(provenance))),
@@ -79,6 +96,19 @@ def page(
     )
 
 
+def _lead(headline: Headline, plots: Sequence[Picture]) -> Picture | None:
+    """The plot that shows what the headline says."""
+    mine = [p for p in plots if p.scenario == headline.scenario]
+    kind = _LEADS.get(headline.metric, "sets")
+    return next((p for p in mine if p.kind == kind), mine[0] if mine else None)
+
+
+def _headline(headline: Headline, lead: Picture | None) -> str:
+    title, text = (html.escape(printable(t)) for t in (headline.scenario, headline.text))
+    figure = "" if lead is None else f'<div class="lead">\n{_figure(lead)}</div>\n'
+    return f"<h3>{title}</h3>\n<p>{text}</p>\n{figure}"
+
+
 def _timed(table: Table) -> bool:
     """Whether a table has a line for each time: it comes after the plots, which show the same."""
     return table.columns[:1] == ("time",)
@@ -89,7 +119,7 @@ def _anchor(title: str) -> str:
 
 
 def _table(table: Table) -> str:
-    """A table in its frame: columns of text to the left, long texts wrapped."""
+    """A table in its frame, folded if long: columns of text to the left, long texts wrapped."""
     kind = ["t" if isinstance(c, str) else "" for c in first(table)]
 
     def line(cells: Sequence[str], tag: str) -> str:
@@ -100,13 +130,16 @@ def _table(table: Table) -> str:
             inside += f"<{tag}{attribute}>{html.escape(text)}</{tag}>"
         return f"<tr>{inside}</tr>\n"
 
-    long = " long" if len(table.rows) > LONG else ""
-    label = html.escape(table.title) or "table"
-    text = f"<h3>{html.escape(table.title)}</h3>\n" if table.title else ""
-    text += f'<div class="scroll{long}" role="region" aria-label="{label}" tabindex="0">\n<table>\n'
-    text += f"<thead>\n{line(table.columns, 'th')}</thead>\n<tbody>\n"
+    title = html.escape(table.title)
+    head = f"<h3>{title}</h3>\n" if title else ""
+    text = f'<div class="scroll" role="region" aria-label="{title or "table"}" tabindex="0">\n'
+    text += f"<table>\n<thead>\n{line(table.columns, 'th')}</thead>\n<tbody>\n"
     text += "".join(line([plain(c) for c in row], "td") for row in table.rows)
-    return text + "</tbody>\n</table>\n</div>\n"
+    text += "</tbody>\n</table>\n</div>\n"
+    if len(table.rows) <= LONG:
+        return head + text
+    count = f"{title}{', ' if title else ''}{len(table.rows)} lines"
+    return f"<details>\n<summary>{count}</summary>\n{text}</details>\n"
 
 
 def first(table: Table) -> list[Cell]:
@@ -115,16 +148,17 @@ def first(table: Table) -> list[Cell]:
     return [next((c for c in column if c is not None), "") for column in columns]
 
 
-def _plots(plots: Plots | None) -> str:
+def _plots(plots: Sequence[Picture] | None) -> str:
     if plots is None:
         return "<p>Plots need Matplotlib: <code>pip install 'echoset[plot]'</code>.</p>\n"
     if not plots:
         return "<p>Nothing among the scores that a plot shows.</p>\n"
-    figures = (
-        f"<figure>\n<figcaption>{html.escape(printable(title))}</figcaption>\n{svg}\n</figure>\n"
-        for title, svg in plots.items()
-    )
-    return f'<div class="plots">\n{"".join(figures)}</div>\n'
+    return f'<div class="plots">\n{"".join(map(_figure, plots))}</div>\n'
+
+
+def _figure(plot: Picture) -> str:
+    title = html.escape(printable(plot.title))
+    return f"<figure>\n<figcaption>{title}</figcaption>\n{plot.svg}\n</figure>\n"
 
 
 def _gaps(table: Table) -> str:

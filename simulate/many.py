@@ -19,7 +19,7 @@ SUMMARY = "many targets that are born and die, in clutter; positions"
 class Params(points.Positions):
     """Scans, and the birth, motion and death of targets."""
 
-    clutter_rate: float = parameter(60.0, "1", "expected false alarms per scan")
+    clutter_rate: float = parameter(60.0, "1", "expected false alarms per scan", within="[0, inf)")
     clutter_region: tuple[float, float, float, float] = parameter(
         (-1000.0, 1000.0, -1000.0, 1000.0),
         "m",

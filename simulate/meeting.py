@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..models.motion import constant_velocity
 from ..models.parameters import parameter
-from ..models.records import Array, Recording
+from ..models.records import Recording
 from . import points
-from .targets import objects, step_noise
+from .targets import from_middle, objects
 
 SUMMARY = "four targets that come close in the middle, among clutter; positions"
 
@@ -24,13 +23,13 @@ SUMMARY = "four targets that come close in the middle, among clutter; positions"
 class Params(points.Positions):
     """Scans and targets."""
 
-    steps: int = parameter(81, "1", "number of scans")
-    p_detect: float = parameter(0.9, "1", "probability that a target is detected")
-    clutter_rate: float = parameter(10.0, "1", "expected false alarms per scan")
+    steps: int = parameter(81, "1", "number of scans", within="[1, inf)")
+    p_detect: float = parameter(0.9, "1", "probability that a target is detected", within="[0, 1]")
+    clutter_rate: float = parameter(10.0, "1", "expected false alarms per scan", within="[0, inf)")
     clutter_region: tuple[float, float, float, float] = parameter(
         (0.0, 300.0, 0.0, 300.0), "m", "x_min, x_max, y_min, y_max of the false alarms"
     )
-    std_position: float = parameter(1.0, "m", "standard deviation of x and of y")
+    std_position: float = parameter(1.0, "m", "standard deviation of x and of y", within="[0, inf)")
     targets: int = parameter(4, "1", "number of targets", within="[0, inf)")
     centre: tuple[float, float] = parameter((150.0, 150.0), "m", "where they meet")
     spread: float = parameter(
@@ -53,18 +52,8 @@ class Params(points.Positions):
 def simulate(params: Params, rng: np.random.Generator, name: str) -> Recording:
     """A recording of the scene with its truth, called ``name``."""
     n, count = params.steps, params.targets
-    F, _ = constant_velocity(params.dt)
-    middle = (n - 1) // 2
-    state = np.zeros((n, count, 4))
-    state[middle] = np.sqrt(params.spread) * rng.normal(size=(count, 4)) + (*params.centre, 0, 0)
-
-    def noise() -> Array:
-        return step_noise(params.dt, params.noise_density, count, rng)
-
-    for k in range(middle + 1, n):
-        state[k] = state[k - 1] @ F.T + noise()
-    for k in range(middle - 1, -1, -1):
-        state[k] = np.linalg.solve(F, (state[k + 1] - noise()).T).T
+    middle = np.sqrt(params.spread) * rng.normal(size=(count, 4)) + (*params.centre, 0, 0)
+    state = from_middle(middle, n, params.dt, params.noise_density, rng)
     first, last = np.ones(count), np.full(count, n)
     first[: len(params.first)] = params.first[:count]
     last[: len(params.last)] = params.last[:count]

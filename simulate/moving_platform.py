@@ -18,9 +18,11 @@ SUMMARY = "targets around a moving and turning platform, among clutter; range an
 class Params(points.Bearings):
     """Scans, platform and targets."""
 
-    steps: int = parameter(150, "1", "number of scans")
-    p_detect: float = parameter(0.9, "1", "probability that a target in view is detected")
-    clutter_rate: float = parameter(10.0, "1", "expected false alarms per scan")
+    steps: int = parameter(150, "1", "number of scans", within="[1, inf)")
+    p_detect: float = parameter(
+        0.9, "1", "probability that a target in view is detected", within="[0, 1]"
+    )
+    clutter_rate: float = parameter(10.0, "1", "expected false alarms per scan", within="[0, inf)")
     platform: tuple[float, float, float] = parameter(
         (0.0, 0.0, 0.0), "m, m, rad", "x, y and heading of the platform at the first scan"
     )

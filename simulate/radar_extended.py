@@ -154,7 +154,8 @@ def _scan(
     origin = np.repeat(np.arange(len(c)), rng.poisson(mean))
     m = len(origin)
     v = c[origin] + (extent.triangular(e)[origin] @ rng.normal(size=(m, 3, 1)))[..., 0]
-    noise = np.linalg.cholesky(ofdm.covariance(state, v)) @ rng.normal(size=(m, 3, 1))
+    S = ofdm.covariance(state, v)
+    noise = np.linalg.cholesky(S) @ rng.normal(size=(m, 3, 1))
     false = rng.uniform(*params.box, (rng.poisson(params.clutter_rate), 3))
     z = np.vstack([v + noise[..., 0], false]) - state.position
     point = np.vstack([v, np.full((len(false), 3), np.nan)])
@@ -162,7 +163,10 @@ def _scan(
     order = rng.permutation(len(z))
     columns = dict(zip("xyz", z[order].T.copy(), strict=True))
     origins = zip(("origin_x", "origin_y", "origin_z"), point[order].T.copy(), strict=True)
-    return columns | {"origin_id": label[order]} | dict(origins)
+    S = np.vstack([S[:, *UPPER], np.full((len(false), 6), np.nan)])[order]
+    pairs = ("xyz"[i] + "xyz"[j] for i, j in zip(*UPPER, strict=True))
+    noises = {f"origin_cov_{pair}": S[:, i].copy() for i, pair in enumerate(pairs)}
+    return columns | {"origin_id": label[order]} | dict(origins) | noises
 
 
 def _times(params: Params) -> Array:

@@ -37,6 +37,22 @@ def walk(
     return (first <= step) & (step <= last), state
 
 
+def from_middle(
+    middle: Array, steps: int, dt: float, density: float, rng: np.random.Generator
+) -> Array:
+    """States (steps, N, 4) that walk from ``middle`` (N, 4), the middle step's, both ways."""
+    F, _ = constant_velocity(dt)
+    count, k0 = len(middle), (steps - 1) // 2
+    state = np.zeros((steps, count, 4))
+    state[k0] = middle
+    for k in range(k0 + 1, steps):
+        state[k] = state[k - 1] @ F.T + step_noise(dt, density, count, rng)
+    for k in range(k0 - 1, -1, -1):
+        back = state[k + 1] - step_noise(dt, density, count, rng)
+        state[k] = np.linalg.solve(F, back.T).T
+    return state
+
+
 def objects(time_ns: Array, alive: Array, state: Array) -> Objects:
     """Targets from ``alive`` (n, N) and ``state`` (n, N, 4); a label is the column."""
     _, label = np.nonzero(alive)

@@ -25,18 +25,30 @@ from .state import Event, Target, belief
 
 PARTICLES = 1000
 """Particles while learning."""
-GAIN = 3.0
-"""Nats that a change must gain."""
+MOST = 1000
+"""Events that are learnt from; of more, so many are drawn."""
+GAIN = 5.0
+"""Nats that a change must gain; with these particles they are known to two or three."""
+SURE = 20.0
+"""Nats by which an offset or a scale must be better for the other to be left out."""
 FINER = (1.4, 1.15)
 """Factors of the noise in the rounds of the search."""
-SCALE_STD, HEIGHT_STD, BIAS_STD, REST_STD = 0.05, 1.5, 0.3, 0.1
-"""Priors [1, m, m, m] of a scale, a height, an offset, and one beside the others."""
+SCALE_STD, HEIGHT_STD, BIAS_STD = 0.05, 1.5, 0.3
+"""Priors [1, m, m] of a scale, a height and an offset."""
+REST_STD = (0.03, 0.1)
+"""Priors [m] of an offset beside a scale, and beside a height."""
 COARSE = (0.3, 3.0, 10.0)
 """Factors of all noise that are tried first."""
 SLOWER = (0.5, 0.2, 0.08, 0.04)
 """Factors of the walks of offset and extent that are tried."""
 FEWER = (0.1, 0.2, 0.5, 2.0)
 """Factors of the number of scattered ranges that are tried."""
+LATE = ((0.2, 1.5, 1.0), (0.2, 1.5, 0.7), (0.5, 1.5, 0.7), (0.2, 4.0, 1.0))
+"""Shares of late ranges that are tried, their detours in units of the noise, and its factors."""
+NARROW = 0.3
+"""Factor of an anchor's own part of the offset with which learning begins, at rest."""
+WIDER, WALKS = (1.0, 3.0), (0.01, 0.02, 0.05)
+"""Factors of that part, and its walks [m s-1/2], that are tried."""
 FARTHEST = 3
 """Steps that a walk may be climbed away from what is told."""
 _log = logging.getLogger(__name__)
@@ -88,7 +100,7 @@ class _Search:
     def climb(self, factor: float, *names: str, most: int = 10) -> None:
         """Multiply ``names`` by ``factor``, or divide, as long as it gains; ``most`` times."""
         told, now = (getattr(params, names[0]) for params in (self.told, self.best))
-        done = int(np.log(now / told) / np.log(factor))
+        done = round(np.log(now / told) / np.log(factor))
         for way in (-1, 1):
             moved = False
             while abs(done + way) <= most and self.offer(
@@ -108,7 +120,13 @@ def learn(
 ) -> tuple[Params, dict[str, Any]]:
     """Parameters that fit the events best, and what was learnt with its gain in nats."""
     wanted = LEARNABLE if "all" in params.learn else params.learn
-    search = _Search(net, events, target, params, int(rng.integers(2**63)), params)
+    seed = int(rng.integers(2**63))
+    if len(events) > MOST:
+        events = [events[k] for k in np.sort(rng.choice(len(events), MOST, replace=False))]
+    search = _Search(net, events, target, params, seed, params)
+    if "bias" in wanted:
+        spread = NARROW * params.range_bias_spread
+        search.best = replace(params, range_bias_spread=spread, range_bias_walk=0.0)
     if "sigma" in wanted:
         search.settle(COARSE, "sigma_factor")
         _explain(search, wanted)
@@ -128,12 +146,19 @@ def learn(
                 if target.extent:
                     search.settle(SLOWER, "axes_std", "width_std")
             search.climb(1.6, "acceleration_std", most=FARTHEST)
+        if "rates" in wanted:
+            _late(search)
+        if "bias" in wanted and search.best.range_bias_std > 0:
+            for wider in WIDER:
+                search.offer(range_bias_spread=wider * params.range_bias_spread)
+            for walk in WALKS:
+                search.offer(range_bias_walk=walk)
         _explain(search, wanted)
         if search.best == before:
             break
     best = search.best
     found = {
-        name: round(getattr(best, name), 6)
+        name: _short(getattr(best, name))
         for name in type(params).__dataclass_fields__
         if getattr(best, name) != getattr(params, name)
     }
@@ -141,13 +166,32 @@ def learn(
     return best, {**found, "learning_gain": round(float(gain), 1)}
 
 
+def _short(value: Any) -> Any:
+    return round(value, 6) if isinstance(value, float) else value
+
+
+def _late(search: _Search) -> None:
+    """Try whether some of the direct ranges are late, and the noise of the others is less."""
+    told = search.best
+    if "late" not in type(told).__dataclass_fields__ or told.late > 0:
+        return
+    variance = np.concatenate([event.active.variance for event in search.events])
+    noise = float(np.sqrt(np.median(variance))) * told.sigma_factor / search.net.sigma_factor
+    tried = [
+        _set(told, {"late": share, "detour": k * noise, "sigma_factor": less * told.sigma_factor})
+        for share, k, less in LATE
+    ]
+    search.best = max([told, *tried], key=search.evidence)
+
+
 def _explain(search: _Search, wanted: Sequence[str]) -> None:
     """Choose what makes ranges too long: nothing, an offset, a scale, or a difference in height.
 
-    Beside a scale or height a small offset is left, if offsets are to be learnt.
+    Beside a scale or height a small offset is left, if offsets are to be learnt. Where neither of
+    offset and scale is several nats better, both stay possible, each with its probability.
     """
     told, best = search.told, search.best
-    off = {
+    off: dict[str, Any] = {
         name: 0.0
         for name, asked in (
             ("range_bias_std", "bias" in wanted),
@@ -156,22 +200,27 @@ def _explain(search: _Search, wanted: Sequence[str]) -> None:
         )
         if asked
     }
-    rest = {"range_bias_std": REST_STD} if "range_bias_std" in off else {}
-    models: list[dict[str, float]] = [
-        {},
-        {"range_bias_std": told.range_bias_std or BIAS_STD},
-        {"range_scale_std": told.range_scale_std or SCALE_STD, **rest},
-        {"device_height_std": told.device_height_std or HEIGHT_STD, **rest},
-    ]
+    offset = {"range_bias_std": told.range_bias_std or BIAS_STD}
+    scale = {"range_scale_std": told.range_scale_std or SCALE_STD}
+    height = {"device_height_std": told.device_height_std or HEIGHT_STD}
+    if "range_bias_std" in off:
+        scale["range_bias_std"], height["range_bias_std"] = REST_STD
+    if offset.keys() | scale.keys() <= off.keys():
+        off["range_error"] = told.range_error
 
     def worth(model: Mapping[str, float]) -> float:
         free = not model or all(getattr(told, name) > 0 for name in model)
         return search.evidence(_set(best, {**off, **model})) - (0.0 if free else GAIN)
 
-    allowed = [model for model in models if set(model) <= set(off)]
+    models = [model for model in ({}, offset, scale, height) if model.keys() <= off.keys()]
     if off:
-        worths = [worth(model) for model in allowed]
-        search.best = _set(best, {**off, **allowed[int(np.argmax(worths))]})
+        worths = [worth(model) for model in models]
+        chosen: Mapping[str, Any] = models[int(np.argmax(worths))]
+        if "range_error" in off and chosen in (offset, scale):
+            of_offset, of_scale = (worths[models.index(model)] for model in (offset, scale))
+            if abs(of_offset - of_scale) < SURE:
+                chosen = {**scale, **offset, "range_error": "either"}
+        search.best = _set(best, {**off, **chosen})
 
 
 def _may_learn_height(search: _Search, wanted: Sequence[str]) -> bool:
@@ -191,4 +240,8 @@ def with_noise(event: Event, factor: float) -> Event:
     def scaled(links: Links) -> Links:
         return links._replace(variance=links.variance * factor**2)
 
-    return event._replace(active=scaled(event.active), passive=scaled(event.passive))
+    return event._replace(
+        active=scaled(event.active),
+        passive=scaled(event.passive),
+        differences=scaled(event.differences),
+    )

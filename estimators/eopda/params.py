@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...models.parameters import parameter, require
+from .odometry import Odometry
 
 LEAST_CLUTTER = 1e-3
 """Mean number of false ranges assumed at least, so that one outlier cannot veto all particles."""
@@ -13,7 +14,7 @@ LEARNABLE = ("walks", "rates", "sigma", "bias", "height", "scale")
 
 
 @dataclass(frozen=True, slots=True)
-class Ranges:
+class Ranges(Odometry):
     """What is known about ranges: noise, what they have too much, false ones, heights."""
 
     TITLE = "ranges"
@@ -42,6 +43,12 @@ class Ranges:
     sigma_factor: float = parameter(
         1.0, "1", "factor of all standard deviations of ranges", within="(0, inf)"
     )
+    tdoa_correlation: float = parameter(
+        0.5,
+        "1",
+        "correlation of differences to one anchor: 0.5 if all arrivals are equally noisy",
+        within="[0, 1)",
+    )
     range_bias: float = parameter(0.0, "m", "what every range has too much, at first")
     range_bias_std: float = parameter(
         0.0, "m", "its standard deviation; above 0 it is estimated, by anchor", within="[0, inf)"
@@ -57,6 +64,12 @@ class Ranges:
         "1",
         "standard deviation of the share by which all are too long; above 0 it is estimated",
         within="[0, 0.5]",
+    )
+    range_error: str = parameter(
+        "both",
+        "",
+        "where offset and scale are estimated: both at once, or either the one or the other",
+        within=("both", "either"),
     )
     device_height: float | None = parameter(
         None,
@@ -125,6 +138,16 @@ class Params(Ranges):
     @property
     def los(self) -> float:
         """Mean number of ranges of an active link that are its line of sight."""
+        return 1.0
+
+    @property
+    def late(self) -> float:
+        """Share of the direct ranges that come over a detour, of mean length ``detour``."""
+        return 0.0
+
+    @property
+    def detour(self) -> float:
+        """Mean length [m] of what late ranges have too much."""
         return 1.0
 
     @property

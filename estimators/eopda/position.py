@@ -35,6 +35,12 @@ class Params(device_params.Params):
     mean_los: float = parameter(
         1.0, "1", "mean number of direct ranges per link event", within="(0, inf)"
     )
+    late: float = parameter(
+        0.0, "1", "share of direct ranges that come late, over a detour", within="[0, 1]"
+    )
+    detour: float = parameter(
+        0.3, "m", "mean of what late ranges have too much; it is exponential", within="(0, inf)"
+    )
     range_bias_std: float = parameter(
         0.3,
         "m",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,19 +13,26 @@ from scipy.special import ndtr, ndtri
 from ...models.motion import constant_velocity, motion_noise
 from ...models.records import Array
 from ...models.uwb import device_position
-from .links import Links, Network
-from .params import Params
+from .links import NO_LINKS, Links, Network
+from .odometry import Increment
+from .params import Params, Ranges
 
 _log = logging.getLogger(__name__)
 
 
 class Event(NamedTuple):
-    """Links of one time [ns], with the anchors' positions (J, 3) at that time."""
+    """Links of one time [ns], with the anchors' positions (J, 3) at that time.
+
+    ``moved`` is what odometry tells of the time since the event before; ``differences`` are of
+    distances to two anchors.
+    """
 
     time_ns: int
     anchors: Array
     active: Links
     passive: Links
+    moved: Increment | None = None
+    differences: Links = NO_LINKS
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +60,8 @@ class State:
     The rows are x y vx vy b_rho b_phi, the extent, and the height of device and object. ``mean``
     (N, D) and ``covariance`` (N, D, D) are what ranges have too much, see
     :mod:`.kernels.range_error`. The offset of the device has not moved for ``hidden`` [s]: no line
-    of sight has shown it since, and its random walk is drawn when one does.
+    of sight has shown it since, and its random walk is drawn when one does. Where odometry tells,
+    ``heading`` (N,) [rad] is that of the body; otherwise it is empty.
     """
 
     y: Array
@@ -61,6 +69,7 @@ class State:
     mean: Array
     covariance: Array
     hidden: float = 0.0
+    heading: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def device(self) -> Array:
@@ -133,7 +142,8 @@ class Belief:
 
     Its height; the errors of ranges, ``mean`` (D,) and ``covariance`` (D, D); and position and
     velocity, ``motion`` a Gaussian (4,), (4, 4), or None: anywhere in reach of an anchor. Offset
-    and extent are ``carried`` as mean and standard deviation (2 + E,), or uniform.
+    and extent are ``carried`` as mean and standard deviation (2 + E,), or uniform. Where there is
+    an ``alternative`` (D, D) to the covariance, both are equally likely.
     """
 
     height: Height
@@ -141,21 +151,27 @@ class Belief:
     covariance: Array
     motion: tuple[Array, Array] | None = None
     carried: tuple[Array, Array] | None = None
+    alternative: Array | None = None
 
 
 def belief(net: Network, params: Params) -> Belief:
     """What parameters and anchors say before the first range."""
     J = len(net.sensors)
     D = 1 + J if params.is_biased else 0
-    P = np.zeros((D, D))
+    P, alternative = np.zeros((D, D)), None
     if D:
         P[0, 0] = params.range_scale_std**2
         if params.range_bias_std > 0:
             P[1:, 1:] = params.range_bias_std**2 + params.range_bias_spread**2 * np.eye(J)
-    return Belief(_height(net, params), np.zeros(D), P)
+        if params.range_error == "either":
+            alternative = P.copy()
+            alternative[1:, 1:] = params.range_bias_spread**2 * np.eye(J)
+            P[0, 0] = 0.0
+    return Belief(first_height(net, params), np.zeros(D), P, alternative=alternative)
 
 
-def _height(net: Network, params: Params) -> Height:
+def first_height(net: Network, params: Ranges) -> Height:
+    """What parameters and anchors say of the height before the first range."""
     told, std = params.device_height, params.device_height_std
     z = np.concatenate([s.position[:, 2] for s in net.sensors])
     low = min(0.0, float(z.min()))

@@ -9,6 +9,7 @@ import numpy as np
 from ...models.records import Array
 from .kernels.compiled.range_error import direct
 from .kernels.compiled.range_error import excess as compiled_excess
+from .kernels.difference import difference
 from .links import Links
 from .params import Params
 from .state import State, Target
@@ -44,6 +45,24 @@ def weigh_object(
     return target.log_likelihood(state, anchors, links, excess(state, anchors, links), params)
 
 
+def weigh_differences(
+    state: State, anchors: Array, links: Links, params: Params
+) -> tuple[Array, State]:
+    """Log-likelihood (N,) of differences, and the state that has learnt from them."""
+    own, mean, covariance = difference(
+        state.device,
+        state.y[-1],
+        anchors,
+        *links,
+        params.tdoa_correlation,
+        state.mean,
+        state.covariance,
+        params.clutter,
+        params.los,
+    )
+    return own, replace(state, mean=mean, covariance=covariance)
+
+
 def weigh_active(
     state: State, anchors: Array, links: Links, target: Target, params: Params
 ) -> tuple[Array, State]:
@@ -62,7 +81,9 @@ def weigh_active(
         state.mean,
         state.covariance,
         floor,
-        params.los,
+        (1 - params.late) * params.los,
+        params.late * params.los,
+        params.detour,
     )
     assert own.shape == (n,)
     return log_l if params.has_object else own, replace(state, mean=mean, covariance=covariance)

@@ -30,11 +30,11 @@ from .oracle import fit
 from .output import Labels, objects
 from .params import SceneParams
 from .scene import epochs, grid, scene
-from .sensors import STREAMS, noise
+from .sensors import STREAMS, noise, resolved
 
 SUMMARY = "extended targets as DBSCAN clusters, the configuration of best posterior"
 PRESETS = Presets(__package__, "dbscan")
-__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
+__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate", "resolved"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ from .kernels.posterior import Scene, feasible
 from .output import Labels, objects
 from .params import ChainParams, SceneParams
 from .scene import epochs, grid, scene
-from .sensors import STREAMS, SensorState
+from .sensors import STREAMS, SensorState, resolved
 
 SUMMARY = "extended targets from multi-sensor multi-scan detections by jump MCMC (DI-GSNCP)"
 PRESETS = Presets(__package__, "di-gsncp")
@@ -46,7 +46,7 @@ KEPT = 64
 TRACE = 100
 """Points of a trace that the diagnostics keep."""
 _log = getLogger(__name__)
-__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate", "scenes"]
+__all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate", "resolved", "scenes"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,9 +2,10 @@
 
 The position is the mean of the detections, weighted by the inverse of the sensor's covariance at
 the true reflection point plus that of the true extent; the extent is their scatter about the true
-centre less the sensor's covariance, in the box of the prior. A target without detections has no
-estimate. A reference, no bound: who uses how many detections a volume sends, and the prior, can be
-better in the extents, of which few detections tell little.
+centre less the sensor's covariance, in the box of the prior. The covariance is the true one where
+the recording has it (``origin_cov_xx`` ...), else that of the tables. A target without detections
+has no estimate. A reference, no bound: who uses how many detections a volume sends, and the prior,
+can be better in the extents, of which few detections tell little.
 """
 
 from __future__ import annotations
@@ -19,16 +20,17 @@ from ...models.errors import InputError
 from ...models.parameters import parameter
 from ...models.records import Array, Estimates, Recording, Scan
 from ..presets import Presets
-from .output import columns, objects
+from .output import objects
 from .params import SceneParams
+from .plane import columns
 from .scene import epochs, grid
-from .sensors import STREAMS, noise
+from .sensors import STREAMS, UPPER, noise, resolved
 
 SUMMARY = "extended targets by means and scatters under the true association (uses the truth)"
 USES_TRUTH = True
 """``setup`` is the whole recording, with truth and origins."""
 PRESETS = Presets(__package__, "oracle")
-__all__ = ["PRESETS", "STREAMS", "SUMMARY", "USES_TRUTH", "Params", "estimate"]
+__all__ = ["PRESETS", "STREAMS", "SUMMARY", "USES_TRUTH", "Params", "estimate", "resolved"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,24 +75,32 @@ def estimate(
                 found.append(_origins(stream.rows, rows, d, name))
                 number[name] += 1
         z = [s.z for s in states]
-        origin = [label_[s.order] for s, (label_, _) in zip(states, found, strict=True)]
-        points = [p[s.order] for s, (_, p) in zip(states, found, strict=True)]
+        origin = [label_[s.order] for s, (label_, *_) in zip(states, found, strict=True)]
+        points = [p[s.order] for s, (_, p, _) in zip(states, found, strict=True)]
         points = [np.where(np.isnan(p), a, p) for p, a in zip(points, z, strict=True)]
         noises = noise((s.table for s in states), nodes, points)
+        true = np.concatenate([S[s.order] for s, (*_, S) in zip(states, found, strict=True)])
+        noises = np.where(np.isnan(true), noises, true)
         parts.append((np.concatenate(z), np.concatenate(origin), noises))
         parts = parts[-params.epochs :]
         told = [np.concatenate(column) for column in zip(*parts, strict=True)]
         yield _estimates(setup, time_ns, told, label, targets, params)
 
 
-def _origins(rows: Mapping[str, Array], part: slice, d: int, name: str) -> tuple[Array, Array]:
-    """Labels (m,) and points of origin (m, 3), NaN for clutter."""
+def _origins(
+    rows: Mapping[str, Array], part: slice, d: int, name: str
+) -> tuple[Array, Array, Array]:
+    """Labels (m,), points of origin (m, 3) and covariances (m, 3, 3) there, NaN if not known."""
     names = ["origin_id", *(f"origin_{a}" for a in "xyz"[:d])]
     absent = [n for n in names if n not in rows]
     if absent:
         raise InputError(f"streams/{name}: the oracle needs the column {absent[0]!r}")
     label, *point = (rows[n][part] for n in names)
-    return label, np.stack([*point, *[np.zeros(len(label))] * (3 - d)], -1)
+    S = np.full((len(label), 3, 3), np.nan)
+    keys = [f"origin_cov_{'xyz'[i]}{'xyz'[j]}" for i, j in np.transpose(UPPER)]
+    if d == 3 and all(k in rows for k in keys):
+        S[:, *UPPER] = S[:, *UPPER[::-1]] = np.stack([rows[k][part] for k in keys], -1)
+    return label, np.stack([*point, *[np.zeros(len(label))] * (3 - d)], -1), S
 
 
 def _estimates(

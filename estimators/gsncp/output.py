@@ -7,6 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ...models import extent
 from ...models.records import Array, Objects
+from .plane import columns
 
 
 class Labels:
@@ -28,11 +29,6 @@ class Labels:
         self._next += len(new)
         self._c, self._label = c, label
         return label
-
-
-def columns(dimension: int) -> list[int]:
-    """Those of the nine numbers of a target that count: all, or those in the plane."""
-    return list(range(9)) if dimension == 3 else [0, 1, 3, 4, 5]
 
 
 def objects(time_ns: int, x: Array, label: Array, d: int, P: Array | None = None) -> Objects:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ...models.parameters import parameter, require
 from ...models.records import Array
+from . import plane
 from .kernels.posterior import KINDS, MAX_GATE
 
 
@@ -48,8 +51,7 @@ class TargetParams:
     @property
     def box(self) -> tuple[Array, Array]:
         """Lower and upper corner (3,) of the region, flat along z in the plane."""
-        r = np.array([*self.clutter_region, 0.0, 0.0][:6])
-        return r[::2], r[1::2]
+        return plane.box(self.clutter_region)
 
     @property
     def extent_box(self) -> tuple[Array, Array]:
@@ -57,9 +59,7 @@ class TargetParams:
         row, column = np.tril_indices(3)
         ends = zip(self.extent_diagonal, self.extent_off_diagonal, strict=True)
         low, high = (np.where(row == column, d, o) for d, o in ends)
-        if self.dimension == 2:
-            low[3:] = high[3:] = (0.0, 0.0, 1.0)
-        return low, high
+        return (low, high) if self.dimension == 3 else plane.extents(low, high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +104,7 @@ class SceneParams(TargetParams):
         "squared Mahalanobis distance beyond which eta is zero",
         within=f"(0, {MAX_GATE:g}]",
     )
+    sensors: Any = parameter({}, "1", "what differs for single streams: name to parameters")
     memory: float = parameter(4.0, "GB", "refuse more detections than it holds", within="(0, inf)")
     max_targets: int = parameter(
         0,
@@ -111,6 +112,10 @@ class SceneParams(TargetParams):
         "most targets at a time; 0: one for every four detections, at least 64, in half the memory",
         within="[0, inf)",
     )
+
+    def __post_init__(self) -> None:
+        TargetParams.__post_init__(self)
+        require(isinstance(self.sensors, Mapping), "sensors", "a mapping", self.sensors)
 
     def places(self, detections: int) -> int:
         """Most targets at a time beside so many detections."""

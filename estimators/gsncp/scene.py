@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import groupby
-from math import pi
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,9 @@ from scipy.ndimage import gaussian_filter
 
 from ...models.errors import InputError
 from ...models.grids import Grid
+from ...models.parameters import per_stream
 from ...models.records import Array, Recording, Scan
+from . import plane
 from .kernels.posterior import Scene
 from .params import SceneParams
 from .sensors import SensorState, sensor_state
@@ -45,8 +46,7 @@ def grid(params: SceneParams, setup: Recording) -> Grid:
     lower, upper = params.box
     if params.dimension == 3:
         return Grid.around(lower, upper, params.cell)
-    flat = Grid.around(lower[:2], upper[:2], params.cell)
-    return Grid(np.append(flat.origin, 0.0), np.append(flat.spacing, 1.0), (*flat.shape, 1))
+    return plane.grid(Grid.around(lower[:2], upper[:2], params.cell))
 
 
 def _same(a: Array, b: Array) -> bool:
@@ -57,12 +57,13 @@ def epochs(
     params: SceneParams, setup: Recording, scans: Iterable[Scan], nodes: Grid
 ) -> Iterator[tuple[int, list[SensorState]]]:
     """The time [ns] of each epoch and the sensor states in it."""
-    number = dict.fromkeys(setup.streams, 0)
+    number, own = dict.fromkeys(setup.streams, 0), per_stream(params, list(setup.streams))
     afford(params, nodes, 1)
     for time_ns, group in groupby(scans, key=lambda scan: scan.time_ns):
         states = []
         for scan in group:
-            states.append(sensor_state(params, setup, scan, number[scan.stream], nodes))
+            one = own[scan.stream]
+            states.append(sensor_state(one, setup, scan, number[scan.stream], nodes))
             number[scan.stream] += 1
         yield time_ns, states
 
@@ -102,7 +103,7 @@ def scene(params: SceneParams, states: Iterable[SensorState], grid: Grid, **birt
     lower, upper = params.box
     outside = np.array([params.p_false, *np.eye(3)[np.triu_indices(3)] * params.outside_variance])
     if params.dimension == 2:
-        outside[[3, 5, 6]] = 0.0, 0.0, 1 / (2 * pi) - 1
+        outside = plane.sensed(outside)
     return Scene(
         np.ascontiguousarray(z.T),
         np.concatenate([[0], np.cumsum(count)]).astype(np.int64),

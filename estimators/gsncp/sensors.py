@@ -3,28 +3,38 @@
 A sensor is known by its detection probability and its error covariance as functions of position:
 tables that the recording states for every scan (``p_detect_table``, ``cov_xx_table``, ... on the
 nodes ``grid_origin + i grid_spacing``), or else what the parameters or the rows say, tabulated
-here. Problems in the plane are laid into space, see :mod:`.kernels.posterior`.
+here. Problems in the plane are laid into space, see :mod:`.plane`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, pi
+from math import inf
+from typing import TypeVar
 
 import numpy as np
 
 from ...models.errors import InputError
 from ...models.grids import Grid
+from ...models.parameters import Layer, is_preset, listed, resolved_by_stream
 from ...models.poses import pose_at
 from ...models.radar.detection import View, polar
 from ...models.radar.ofdm import MOUNTING
 from ...models.records import Array, Recording, Scan, Stream
+from . import plane
 from .params import SceneParams
 
 STREAMS = SceneParams.STREAMS
-_UPPER = np.triu_indices(3)
-_TABLES = ("p_detect_table", *(f"cov_{'xyz'[i]}{'xyz'[j]}_table" for i, j in np.transpose(_UPPER)))
+OF_ONE = (
+    "p_detect", "resolution", "std_position", "std_range", "std_azimuth", "std_elevation",
+    "max_range",
+)  # fmt: skip
+"""Parameters that may differ from stream to stream."""
+P = TypeVar("P", bound=SceneParams)
+UPPER = np.triu_indices(3)
+"""Rows and columns of xx xy xz yy yz zz."""
+_TABLES = ("p_detect_table", *(f"cov_{'xyz'[i]}{'xyz'[j]}_table" for i, j in np.transpose(UPPER)))
 _ROWS = {"position": ("x", "y", "z"), "range_bearing": ("range", "azimuth", "elevation")}
 
 
@@ -42,6 +52,22 @@ class SensorState:
     position: Array
     frame: Array
     cell: Array
+
+
+def resolved(cls: type[P], setup: Recording, stated: Sequence[Layer], layers: Sequence[Layer]) -> P:
+    """The parameters of a recording, see :func:`echoset.models.parameters.resolved_by_stream`.
+
+    Raises
+    ------
+    ParameterError : ``sensors`` names no stream, or what does not hold for single streams
+    InputError : streams state different regions, and nobody says which
+    """
+    said = any("clutter_region" in x for source, x in layers if not is_preset(source))
+    regions = {str(x["clutter_region"]) for _, x in stated if "clutter_region" in x}
+    if len(regions) > 1 and not said:
+        raise InputError(f"the streams state the regions {listed(sorted(regions))}: give one")
+    groups = {name: [name] for name in sorted(setup.streams)}
+    return resolved_by_stream(cls, OF_ONE, groups, stated, layers)
 
 
 def sensor_state(
@@ -71,7 +97,7 @@ def sensor_state(
         table = _assumed(params, stream, scan, position, rotation, grid)
     _check(table, scan.stream, number)
     if d == 2:
-        table[..., [3, 5]], table[..., 6] = 0.0, 1 / (2 * pi) - 1
+        table = plane.sensed(table)
     keys = ("bandwidth", "side", "azimuth_factor", "elevation_factor", "max_resolution")
     known = all(k in stream.model for k in keys) and d == 3
     cell = [stream.model[k] for k in keys] if known else [0.0, 0.0, 0.0, 0.0, params.resolution]
@@ -115,7 +141,7 @@ def _assumed(
         std = np.array([_noise(params, rows, n) for n in names] + [0.0] * (3 - d))
         J = rotation @ _jacobian(local)
         S = J * std**2 @ J.swapaxes(-1, -2)
-    table[..., 1:] = S[..., *_UPPER]
+    table[..., 1:] = S[..., *UPPER]
     return table
 
 
@@ -157,13 +183,13 @@ def noise(tables: Iterable[Array], nodes: Grid, points: Iterable[Array]) -> Arra
         inside = np.clip(at, nodes.origin, np.maximum(last, nodes.origin))
         parts.append(nodes.interpolate(table, inside, np.zeros(7))[:, 1:])
     S = np.zeros((sum(map(len, parts)), 3, 3))
-    S[..., *_UPPER] = S[..., *_UPPER[::-1]] = np.concatenate(parts)
+    S[..., *UPPER] = S[..., *UPPER[::-1]] = np.concatenate(parts)
     return S
 
 
 def _check(table: Array, stream: str, number: int) -> None:
     S = np.zeros((*table.shape[:-1], 3, 3))
-    S[..., *_UPPER] = S[..., *_UPPER[::-1]] = table[..., 1:]
+    S[..., *UPPER] = S[..., *UPPER[::-1]] = table[..., 1:]
     w = np.linalg.eigvalsh(S)
     if (w[..., 0] < -1e-9 * w[..., 2]).any():
         raise InputError(

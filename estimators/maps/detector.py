@@ -17,9 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...models.classifier import CLASSES, Weights
+from ...models.classifier import CLASSES, TRAINED, Weights
 from ...models.records import Array, Objects, Recording, Scan
 from ...models.registry import load
+from . import evidence
 from .choice import Choice
 from .kernels import cnn
 from .kernels.compiled import pixels as compiled_pixels
@@ -32,8 +33,6 @@ from .stations import Station, doubts, fuse, seen
 HEADROOM = 10.0
 """How far thresholds may come down to the noise where the reference echo is less."""
 SHIPPED = Path(__file__).parent / "weights" / "jsc_cnn.npz"
-LEAST = 1e-9
-"""Least probability of a class, so that no single scan is the last word."""
 _log = logging.getLogger(__name__)
 
 Seen = Callable[[int, Sequence[Scan]], Array | None]
@@ -47,7 +46,7 @@ Split = Callable[[int, Array, Array, Array], tuple[Array, Array]]
 Cluster = Callable[[int, Array, Array, Array, Array], tuple[Array, Array]]
 """Time, soft map, positions (k, 2), gates and rooms (k,) -> detections (n, 2), covariances."""
 Classes = Mapping[int, Array]
-"""Log-probabilities (2,) of the classes of the targets, by label."""
+"""Evidence (3,) of the classes of the targets, by label: see :mod:`.evidence`."""
 
 
 def files(setup: Recording, params: MapParams) -> dict[str, Path]:
@@ -57,9 +56,20 @@ def files(setup: Recording, params: MapParams) -> dict[str, Path]:
     return {"weights": Path(params.weights or SHIPPED)}
 
 
-def identify(weights: Weights, pixels: Pixels, time_ns: int, soft: Array, where: Array) -> Array:
-    """Probabilities (n, 2) of the classes of what stands at ``where`` (n, 2), by the network."""
-    return cnn.probabilities(weights, cnn.windows(soft, where, pixels))
+def identify(
+    weights: Weights,
+    pixels: Pixels,
+    prior: tuple[float, ...],
+    time_ns: int,
+    soft: Array,
+    where: Array,
+) -> Array:
+    """Probabilities (n, 2) of the classes of what stands at ``where`` (n, 2), by the network.
+
+    Where the classes have the shares ``prior``, if they are stated.
+    """
+    p = cnn.probabilities(weights, cnn.windows(soft, where, pixels))
+    return evidence.for_shares(p, TRAINED, prior) if prior else p
 
 
 def cluster(
@@ -134,7 +144,7 @@ class Chain:
         told = None
         if used and params.identify == "cnn":
             weights = load("echoset.readers", "weights")(Path(params.weights or SHIPPED))
-            told = partial(identify, weights, pixels)
+            told = partial(identify, weights, pixels, params.class_prior)
         return Chain(
             params,
             chosen,
@@ -181,12 +191,10 @@ class Chain:
         bright = soft if share is None else soft / share
         known: Classes = {}
         if self.identify is not None:
-            now = _logs(self.identify(time_ns, soft, where))
-            before = np.array([classes.get(l, np.zeros(len(CLASSES))) for l in label.tolist()])
-            now += self.params.class_memory * before.reshape(now.shape)
-            now -= np.logaddexp.reduce(now, axis=1, keepdims=True)
+            p, before = self.identify(time_ns, soft, where), _stacked(classes, label)
+            now = evidence.read(p, before, self.params.class_memory)
             known = dict(zip(label.tolist(), now, strict=True))
-        kind = np.array([known[l].argmax() if known else 0 for l in label.tolist()], int)
+        kind = evidence.likeliest(_stacked(known, label))
         apart = alone(where, np.array(self.params.rooms)[kind], np.lexsort((label, -kind)))
         where, kind = where[apart], kind[apart]
         where, kind = self.split(time_ns, bright, where, kind)
@@ -195,12 +203,12 @@ class Chain:
         return Sight(time_ns, soft, z, R, known, self.identify)
 
     def named(self, objects: Objects, classes: Classes) -> Objects:
-        """The objects with their classes; of those that no map has shown, any is as likely."""
+        """The objects with their classes; of those that no map has shown, as ``class_prior``."""
         if self.identify is None:
             return objects
-        even = np.full(len(CLASSES), -np.log(len(CLASSES)))
-        log_p = np.array([classes.get(l, even) for l in objects.label.tolist()])
-        p = np.exp(log_p.reshape(-1, len(CLASSES)))
+        p = evidence.probabilities(_stacked(classes, objects.label))
+        unseen = ~np.isin(objects.label, list(classes))
+        p[unseen] = np.array(self.params.class_prior or TRAINED)
         p /= p.sum(1, keepdims=True)
         return replace(objects, class_names=CLASSES, class_index=p.argmax(1), class_probability=p)
 
@@ -229,8 +237,8 @@ class Sight:
         known = {**classes, **self.classes}
         new = ~np.isin(label, list(self.classes))
         if new.any():
-            p = _logs(self.identify(self.time_ns, self.soft, where[new]))
-            known |= zip(label[new].tolist(), p, strict=True)
+            found = evidence.read(self.identify(self.time_ns, self.soft, where[new]))
+            known |= zip(label[new].tolist(), found, strict=True)
         return known
 
 
@@ -249,5 +257,8 @@ def alone(where: Array, room: Array, order: Array) -> Array:
     return apart
 
 
-def _logs(p: Array) -> Array:
-    return np.log(np.maximum(p, LEAST))
+def _stacked(classes: Classes, label: Array) -> Array:
+    """The evidence (k, 3) of the targets with ``label`` (k,), zeros where there is none."""
+    none = np.zeros(len(CLASSES) + 1)
+    known = [classes.get(l, none) for l in label.tolist()]
+    return np.array(known).reshape(-1, len(none))

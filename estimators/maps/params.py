@@ -108,8 +108,16 @@ class MapParams(FusionParams):
     class_memory: float = parameter(
         0.0,
         "1",
-        "factor that a target's log-probabilities keep from scan to scan; 0: none",
+        "log-probabilities of a target's class are the mean of those of all scans, each with this "
+        "times the weight of the next; 0: of the last alone",
         within="[0, 1)",
+    )
+    class_prior: tuple[float, ...] = parameter(
+        (),
+        "1",
+        "shares of pedestrians and vehicles where the radars stand, in place of those among what "
+        "the network has learnt from; empty: the same",
+        within="(0, inf)",
     )
 
     def __post_init__(self) -> None:
@@ -121,6 +129,8 @@ class MapParams(FusionParams):
         room = 2 * self.room_pedestrian
         apart = self.pair[0] == self.pair[1] or self.pair[0] >= room
         require(apart, "pair", f"at least twice room_pedestrian, {room:g}", self.pair)
+        shares = len(self.class_prior) in (0, len(CLASSES))
+        require(shares, "class_prior", f"one share each of {' '.join(CLASSES)}", self.class_prior)
         if self.identify == "cnn":
             rule = f"{CELL} m, the pixels of the network, unless identify is none"
             require(self.map_cell == CELL, "map_cell", rule, self.map_cell)

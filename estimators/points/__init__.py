@@ -4,7 +4,8 @@ Two filters of the same model: ``phd`` carries the intensity of targets as a Gau
 (B.-N. Vo and W.-K. Ma, 2006; statistics of regions after M. Andrecki et al.), ``mbm`` a mixture of
 global hypotheses with or without a Poisson part (A. F. Garcia-Fernandez et al., 2018 and 2019).
 
-Read :mod:`.phd` first, from top to bottom; then :mod:`.mbm` with :mod:`.mbm_filter`. What both
-assume stands in :mod:`.sensing` (detections, noise, clutter, views) and :mod:`.targets` (motion,
-survival, births), what they ask of a source of detections in :mod:`.source`.
+Read :mod:`.phd` first, from top to bottom, with :mod:`.phd_filter` and :mod:`.phd_update`; then
+:mod:`.mbm` with :mod:`.mbm_filter`. What both assume stands in :mod:`.sensing` (detections, noise,
+clutter, views) and :mod:`.targets` (motion, survival, births), what they do alike with the scans of
+a time in :mod:`.times`, what they ask of a source of detections in :mod:`.source`.
 """

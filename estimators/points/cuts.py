@@ -9,6 +9,8 @@ Cut = Mapping[str, float]
 """Expected targets (for ``max_detections``: detections) that each limit cut off at a time."""
 LEAST = 0.05
 """Expected targets whose loss is worth a word; what is not kept in a file always is."""
+WHAT = {"max_detections": "of them", "pairs": "pairs with targets"}
+"""What a limit cuts off that is no expected target."""
 _log = logging.getLogger(__name__)
 
 
@@ -24,6 +26,6 @@ class Told:
             least = 1e-3 if name == "keep_components" else LEAST
             if mass > least and name not in self._names:
                 self._names.add(name)
-                what = "of them" if name == "max_detections" else "expected targets"
+                what = WHAT.get(name, "expected targets")
                 text = "scans at %d ns: of %d detections, %s cuts off %.4g %s; said once"
                 _log.warning(text, time_ns, detections, name, mass, what)

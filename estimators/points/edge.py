@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.special import ndtri
 
@@ -45,33 +47,78 @@ def detection_probability(look: Look, m: Array, P: Array, fov_mass: bool) -> Arr
     return np.asarray(look.p_detect * inside(look, m, P, fov_mass))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Border:
+    """Gaussians m (J, dx), P (J, dx, dx) at a look: ``p`` (J,) is how probably they are detected.
+
+    That of a target that is visible. Of ``edge`` (k,), which are astride the border of the view,
+    ``parts`` (k, n, dx) are the means of pieces, ``narrow`` (k, dx, dx) their covariances, and
+    ``each`` (k, n) the mass of a piece that is in view.
+    """
+
+    look: Look
+    m: Array
+    P: Array
+    p: Array
+    edge: Array
+    parts: Array
+    narrow: Array
+    each: Array
+
+    @staticmethod
+    def of(look: Look, m: Array, P: Array, fov_mass: bool) -> Border:
+        """Where Gaussians are at a look; by their masses, or all or nothing by their means."""
+        p = detection_probability(look, m, P, fov_mass)
+        share = p / (look.p_detect or 1.0)
+        astride = (share > PART) & (share < 1 - PART)
+        edge = np.flatnonzero(astride) if fov_mass else np.zeros(0, int)
+        if not len(edge):
+            none = np.zeros((0, len(pieces.WEIGHT), m.shape[1]))
+            return Border(look, m, P, p, edge, none, P[:0], none[..., 0])
+        parts, narrow = pieces.split(m[edge], P[edge], _inwards(look, m[edge], P[edge]))
+        k, n, dx = parts.shape
+        flat = parts.reshape(-1, dx), np.repeat(narrow, n, axis=0)
+        each = inside(look, *flat, True).reshape(k, n)
+        p[edge] = look.p_detect * (each @ pieces.WEIGHT)
+        return Border(look, m, P, p, edge, parts, narrow, each)
+
+    @property
+    def share(self) -> Array:
+        """The mass (J,) in view."""
+        return np.asarray(self.p / (self.look.p_detect or 1.0))
+
+    def missed(self, visible: Array, elsewhere: Array) -> tuple[Array, Array]:
+        """Means and covariances of what is missed, if it is ``visible`` (J,).
+
+        The part outside weighs more then: the moments are those of the pieces, and what is in view
+        of the Gaussian is as likely as it has become, so that who is never looked at is not
+        forgotten bit by bit. ``elsewhere`` (J,) says how probably a target is not detected beside
+        it, and so may be outside at all.
+        """
+        edge, each = self.edge, self.each
+        if not len(edge):
+            return self.m, self.P
+        hit, out = self.look.p_detect * visible[edge, None], elsewhere[edge, None]
+        w = pieces.WEIGHT * (each * (1 - hit) + (1 - each) * out)
+        mean, spread = pieces.united(w + 1e-12, self.parts, self.narrow)
+        before = each @ pieces.WEIGHT
+        left = before * (1 - hit[:, 0])
+        after = left / np.maximum(left + (1 - before) * out[:, 0], 1e-12)
+        across = _inwards(self.look, self.m[edge], self.P[edge])
+        m, P = self.m.copy(), self.P.copy()
+        m[edge], P[edge] = _pushed_out(m[edge], P[edge], mean, spread, across, before, after)
+        return m, P
+
+
 def unseen(
     look: Look, m: Array, P: Array, visible: Array, fov_mass: bool
 ) -> tuple[Array, Array, Array]:
     """Probability (J,) that ``visible`` targets are detected, and their m, P if they are missed.
 
-    Of one astride the border of the view the part outside weighs more then: the moments are those
-    of its pieces, and what is in view of the Gaussian is as likely as it has become, so that who is
-    never looked at is not forgotten bit by bit.
+    Of Bernoullis and of who is not known to be detected: all of it may be outside.
     """
-    p = detection_probability(look, m, P, fov_mass)
-    share = p / (look.p_detect or 1.0)
-    edge = np.flatnonzero((share > PART) & (share < 1 - PART)) if fov_mass else np.zeros(0, int)
-    if not len(edge):
-        return p, m, P
-    across = _inwards(look, m[edge], P[edge])
-    parts, narrow = pieces.split(m[edge], P[edge], across)
-    J, k, dx = parts.shape
-    each = inside(look, parts.reshape(-1, dx), np.repeat(narrow, k, axis=0), True).reshape(J, k)
-    hit = look.p_detect * visible[edge, None]
-    w = pieces.WEIGHT * (1 - hit * each)
-    mean, spread = pieces.united(w + 1e-12, parts, narrow)
-    before = each @ pieces.WEIGHT
-    after = before * (1 - hit[:, 0]) / np.maximum(1 - hit[:, 0] * before, 1e-12)
-    m, P = m.copy(), P.copy()
-    m[edge], P[edge] = _pushed_out(m[edge], P[edge], mean, spread, across, before, after)
-    p[edge] = look.p_detect * before
-    return p, m, P
+    border = Border.of(look, m, P, fov_mass)
+    return border.p, *border.missed(visible, np.ones(len(m)))
 
 
 def _inwards(look: Look, m: Array, P: Array) -> Array:

@@ -12,38 +12,35 @@ Trans. Aerosp. Electron. Syst. 40 (2004) 1093-1099.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from itertools import groupby
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from math import inf
 
 import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array, Estimates, Objects, Recording, Scan
-from ...models.regions import mass, polygons
-from .clutter_map import learnt, persistent
-from .cuts import Told
+from ...models.regions import mass
+from ..kernels.passes import smoothed
+from .context import Context
 from .edge import detection_probability
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.gaussians import falling
 from .kernels.smoothing import Epoch, ended, smooth
 from .mbm_filter import Params, State, init, predict, reduce, update
+from .paths import Paths, back
 from .sensing import (
     UNKNOWN,
     Look,
     SensorParams,
     at_once,
-    count,
     innovations,
     log_likelihood,
-    looks,
     positions,
+    spread,
 )
-from .source import Nothing, Source, recognised
-from .streams import per_stream
-from .targets import Interval, appeared, born, settled, within
-
-NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
+from .targets import NAMES, UNITS, Interval, appeared, born
+from .times import observe, remember, through
 
 
 def followed(mixture: Mixture, params: Params) -> tuple[Array, Array]:
@@ -71,28 +68,7 @@ def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:
     return tracks, mixture.table[g, tracks]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Context:
-    """What stays: the recording's setup, parameters (in all and by stream), corners of regions.
-
-    ``source`` makes detections of scans that hold none.
-    """
-
-    setup: Recording
-    params: Params
-    sensing: Mapping[str, Params]
-    regions: Mapping[str, Array]
-    source: Source
-
-    @staticmethod
-    def of(setup: Recording, params: Params, source: Source | None = None) -> Context:
-        """The context of a recording."""
-        params = settled(params, setup)
-        sensing = per_stream(params, setup)
-        return Context(setup, params, sensing, polygons(params.regions), source or Nothing())
-
-
-def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, Epoch]:
+def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple[State, Epoch]:
     """The state after the ``scans`` of one time, taken one after the other, and how it came there.
 
     A source follows the targets that were extracted before.
@@ -102,39 +78,32 @@ def step(state: State, scans: Iterable[Scan], context: Context) -> tuple[State, 
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     EstimatorError : no hypothesis is possible
     """
-    params, together, source = context.params, at_once(scans), context.source
+    params, together = context.params, at_once(scans)
     label, m = followed(state.mixture, params)
     state, gone = predict(state, params, together[0].time_ns)
-    sight = source.see(together, label, (m @ gone.F.T)[:, :2], state.classes)
+    moment = observe(context, together, state.memory, label, (m @ gone.F.T)[:, :2])
     used: list[Look] = []
     novelty: list[Array] = []
     cut = {"max_detections": 0.0}
-    for scan, all_ in looks(
-        together, sight, context.setup, context.sensing, source.region, within(params)
-    ):
-        own, seen = context.sensing[scan.stream], all_
+    for seen, own in moment.looks:
         if len(seen.z) > params.max_detections:
             cut["max_detections"] += len(seen.z) - params.max_detections
             seen = _likeliest(seen, state.mixture.local, own, params)
-        even = _even(seen, used, gone, params)
-        clutter = seen.clutter + persistent(state.maps, scan.stream, seen, own)
-        seen = replace(seen, clutter=clutter)
+        even = _even(seen, [look for look, _ in moment.looks], used, gone, params)
         state, new = update(state, seen, params, own, even)
-        maps = learnt(state.maps, scan, all_, own)
-        state = replace(reduce(state, params, max(len(seen.z), state.detections)), maps=maps)
+        state = reduce(state, params, max(len(seen.z), state.memory.crowd))
         used.append(seen)
         novelty.append(new)
     if not params.poisson:
         waiting, cut["max_births"] = born(params, used, novelty, gone)
         state = replace(state, waiting=waiting)
     label, m = followed(state.mixture, params)
-    alive = state.mixture.label
-    classes = recognised(sight, label, m[:, :2], alive, state.classes)
-    n = max(state.detections // 2, *(len(seen.z) for seen in used))
-    state = replace(state, classes=classes, cut={**state.cut, **cut}, detections=n)
-    x = state.mixture
-    time_ns = together[0].time_ns
-    return state, Epoch(time_ns, x.local, gone.F, gone.Q, x.label, x.table[0])
+    x, n = state.mixture, max(len(seen.z) for seen in used)
+    memory = remember(state.memory, moment, n, label, m[:, :2], x.label)
+    state = replace(state, memory=memory, cut={**state.cut, **cut})
+    return state, Epoch(
+        together[0].time_ns, x.local, gone.F, gone.Q, x.label, x.table[0], x.table, x.parent
+    )
 
 
 def estimate(
@@ -150,9 +119,40 @@ def estimate(
     return run(Context.of(setup, params), scans)
 
 
-def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
+def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
     """:func:`estimate` in a context of the caller's."""
-    params, state, told = context.params, init(), Told()
+    wait = context.params.wait
+    if wait == inf:
+        return _whole(context, scans)
+    return _lagging(context, scans, context.params.lag if wait is None else wait)
+
+
+def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
+    """All times at the end, by the trajectories of the hypothesis that is best then."""
+    params, meta = context.params, context.setup.meta
+    moved: set[int] = set()
+    classes: dict[int, Array] = {}
+
+    def forward() -> Iterator[tuple[Estimates, Epoch]]:
+        for state, epoch in through(context, scans, init(), step):
+            moved.update(_moved(state.mixture, set(), params))
+            classes.update(state.memory.classes)
+            x, none = state.mixture, np.zeros(0, np.int64)
+            nobody = _listed(epoch.time_ns, none, x.local.r[none], x.local.m[none], x.local.P[none])
+            yield Estimates(meta, nobody, _counted(state, context)), epoch
+
+    def backward(later: Paths | None, epoch: Epoch) -> tuple[Paths, Objects]:
+        x = back(later, epoch, params.retrodict)
+        shown = np.isin(x.label, list(moved)) & (x.r >= params.extract_smoothed)
+        found = _listed(epoch.time_ns, x.label[shown], x.r[shown], x.m[shown], x.P[shown])
+        return x, context.source.named(found, classes)
+
+    return smoothed(forward(), backward, inf)
+
+
+def _lagging(context: Context[Params], scans: Iterable[Scan], lag: float) -> Iterator[Estimates]:
+    """Each time ``lag`` seconds late."""
+    params = context.params
     moved: set[int] = set()
     epochs: deque[Epoch] = deque()
     numbers: deque[dict[str, Array]] = deque()
@@ -160,21 +160,23 @@ def run(context: Context, scans: Iterable[Scan]) -> Iterator[Estimates]:
     def leave() -> Estimates:
         objects = _objects(state.mixture, list(epochs), moved, params)
         epochs.popleft()
-        objects = context.source.named(objects, state.classes)
+        objects = context.source.named(objects, state.memory.classes)
         return Estimates(context.setup.meta, objects, numbers.popleft())
 
-    for time_ns, group in groupby(context.source.used(scans), key=lambda scan: scan.time_ns):
-        together = list(group)
-        state, epoch = step(state, together, context)
+    for state, epoch in through(context, scans, init(), step):
         epochs.append(epoch)
         moved = _moved(state.mixture, moved, params, epochs)
-        told.warn(state.cut, time_ns, count(together))
-        lost = sum(v for name, v in state.cut.items() if name != "max_detections")
-        numbers.append(_numbers(state.mixture, lost) | regional(state.mixture, context.regions))
-        while epochs and epoch.time_ns - epochs[0].time_ns >= 1e9 * params.lag:
+        numbers.append(_counted(state, context))
+        while epochs and epoch.time_ns - epochs[0].time_ns >= 1e9 * lag:
             yield leave()
     while epochs:
         yield leave()
+
+
+def _counted(state: State, context: Context[Params]) -> dict[str, Array]:
+    """What is stated per step."""
+    lost = sum(v for name, v in state.cut.items() if name != "max_detections")
+    return _numbers(state.mixture, lost) | regional(state.mixture, context.regions)
 
 
 def _likeliest(seen: Look, a: Bernoullis, own: SensorParams, params: Params) -> Look:
@@ -189,8 +191,12 @@ def _likeliest(seen: Look, a: Bernoullis, own: SensorParams, params: Params) -> 
     return replace(seen, **some, R=R, parts=parts)
 
 
-def _even(seen: Look, before: list[Look], gone: Interval, params: Params) -> Array:
+def _even(
+    seen: Look, looks: Sequence[Look], before: Sequence[Look], gone: Interval, params: Params
+) -> Array:
     """Density (n,) of targets, spread like the clutter, that no look of the time has detected yet.
+
+    All ``looks`` share what appeared, evenly: where their fields lie apart it is spread over all.
 
     Raises
     ------
@@ -202,7 +208,11 @@ def _even(seen: Look, before: list[Look], gone: Interval, params: Params) -> Arr
     if np.isnan(seen.spatial).any():
         raise InputError(UNKNOWN)
     density = params.birth_rate * appeared(params.p_survive, 0.0, gone.steps) * seen.spatial
-    m = np.hstack((positions(seen)[0], np.zeros((n, 2))))
+    where = positions(seen)[0]
+    if len(looks) > 1:
+        own, all_ = spread(seen, where), np.mean([spread(look, where) for look in looks], axis=0)
+        density = density * np.where(own > 0, all_ / np.where(own > 0, own, 1.0), 1.0)
+    m = np.hstack((where, np.zeros((n, 2))))
     P = np.tile(np.eye(4), (n, 1, 1))
     for look in before:
         density = density * (1 - detection_probability(look, m, P, False))
@@ -265,13 +275,12 @@ def _objects(mixture: Mixture, epochs: list[Epoch], moved: set[int], params: Par
     shown = np.isin(label, list(moved)) & (age >= -params.retrodict)
     if params.extraction == "existence":
         shown &= r >= params.extract_existence
+    return _listed(epochs[0].time_ns, label[shown], r[shown], m[shown], P[shown])
+
+
+def _listed(time_ns: int, label: Array, r: Array, m: Array, P: Array) -> Objects:
+    """Objects of one time."""
+    offset = np.array([0, len(label)], np.int64)
     return Objects(
-        np.array([epochs[0].time_ns], np.int64),
-        np.array([0, shown.sum()], np.int64),
-        label[shown],
-        NAMES,
-        UNITS,
-        m[shown],
-        covariance=P[shown],
-        existence=r[shown],
+        np.array([time_ns], np.int64), offset, label, NAMES, UNITS, m, covariance=P, existence=r
     )

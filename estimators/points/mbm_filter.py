@@ -6,14 +6,12 @@ References stand in :mod:`echoset.estimators.points.mbm`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from ...models.parameters import parameter
 from ...models.records import Array
-from ...models.regions import polygons
-from .clutter_map import Maps
+from .context import FilterParams
 from .cuts import Cut
 from .edge import detection_probability, unseen
 from .kernels import births
@@ -34,13 +32,14 @@ from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
 from .sensing import Look, SensorParams, innovations, log_likelihood, positions, updated
-from .source import Classes
-from .targets import Interval, TargetParams, elapse, limit, newborn
+from .targets import Interval, elapse, limit, newborn
+from .times import Memory
+from .trails import TrailParams
 
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(TargetParams, SensorParams):
+class Params(TrailParams, FilterParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     TITLE = "mixture"
@@ -115,25 +114,21 @@ class Params(TargetParams, SensorParams):
     lag: float = parameter(
         0.0,
         "s",
-        "how long an estimate waits for what comes: fixed-lag smoothing, tracks shown from the "
-        "start",
+        "how long an estimate waits for what comes, tracks shown from the start; smooth, where it "
+        "is not none, says so in its place",
         within="[0, inf)",
     )
     retrodict: float = parameter(
         0.0,
         "s",
-        "with a lag: how long before its first detection a target is shown, straight back",
+        "with a lag or smoothed: how long before its first detection a target is shown, straight "
+        "back",
         within="[0, inf)",
     )
 
-    regions: Any = parameter(
-        {}, "m", "regions to count targets in: name to x_min, x_max, y_min, y_max or to corners"
-    )
-
     def __post_init__(self) -> None:
-        SensorParams.__post_init__(self)
-        TargetParams.__post_init__(self)
-        polygons(self.regions)
+        FilterParams.__post_init__(self)
+        TrailParams.__post_init__(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,10 +136,8 @@ class State:
     """The reduced mixture after the scans at ``time_ns`` (None: before any).
 
     ``undetected`` are targets no detection has told of, ``waiting`` what appeared at the last
-    detections and enters with the next prediction; ``next_label`` is free. ``maps`` of persistent
-    clutter are those of the streams, ``classes`` those of the targets; ``cut`` is the expected
-    number of targets that limits left out this time, and ``detections`` how many a scan has had
-    lately.
+    detections and enters with the next prediction; ``next_label`` is free, ``memory`` what is known
+    beside; ``cut`` is the expected number of targets that limits left out this time.
     """
 
     mixture: Mixture
@@ -152,10 +145,8 @@ class State:
     waiting: births.Components
     next_label: int
     time_ns: int | None
-    maps: Maps = field(default_factory=dict)
-    classes: Classes = field(default_factory=dict)
+    memory: Memory = field(default_factory=Memory)
     cut: Cut = field(default_factory=dict)
-    detections: int = 0
 
 
 def init() -> State:
@@ -183,7 +174,8 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
         a.unseen + gone.dt,
         np.arange(len(a)),
     )
-    state = replace(state, mixture=replace(state.mixture, local=local), time_ns=time_ns, cut={})
+    mixture = replace(state.mixture, local=local, parent=np.arange(len(state.mixture.w)))
+    state = replace(state, mixture=mixture, time_ns=time_ns, cut={})
     new = births.join(_moved(state.waiting, params, gone), newborn(params, gone))
     state = replace(state, waiting=births.none())
     if params.poisson:
@@ -236,7 +228,10 @@ def update(
     first = np.flatnonzero((best >= 0) & np.isnan(start[:, 0]))
     first = first[found.detection[best[first]] >= 0]
     start[first] = local.m[best[first]]
-    mixture = replace(state.mixture, local=local, start=start, w=found.w, table=found.table)
+    parent = state.mixture.parent[found.parent]
+    mixture = replace(
+        state.mixture, local=local, start=start, w=found.w, table=found.table, parent=parent
+    )
     state = replace(state, mixture=mixture, undetected=undetected)
     r = new / free
     some = np.flatnonzero(r > params.min_existence)

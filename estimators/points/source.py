@@ -14,7 +14,7 @@ from ...models.records import Array, Objects, Scan
 MADE = ""
 """What the detections that a source makes are called among the streams."""
 Classes = Mapping[int, Array]
-"""Log-probabilities of the classes of the targets, by label."""
+"""What is known of the classes of the targets, by label, in a form that is the source's own."""
 
 
 class Sight(Protocol):

@@ -21,6 +21,7 @@ from .kernels.compiled import gaussians
 from .kernels.gaussians import moments
 from .sensing import STREAMS, Look, Motion, positions
 
+NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
 SECOND = 1.0
 """Step [s] of what is assumed per step, where several streams have no step in common."""
 MOST = 1000

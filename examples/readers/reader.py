@@ -21,7 +21,7 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from mcap.reader import make_reader
 
 ROOT_ATTRIBUTES = ("Conventions", "format_version", "content_digest", "observed_digest")
-MODES = ("active", "passive")
+MODES = ("active", "passive", "tdoa")
 
 
 def token(leaf: Any) -> str:
@@ -96,6 +96,8 @@ class Section:
         columns = (f"{group}/scan", f"{group}/rows")
         if kind == "uwb":
             topic = "/uwb/measurements" if name == "uwb" else f"/uwb/{name}/measurements"
+        elif kind == "odometry":
+            topic = f"/odometry/{name}"
         else:
             self.tables[f"/radar/{name}/scan"] = ("", columns[:1])
             last = "range_angle" if kind == "range_angle_map" else "detections"
@@ -132,7 +134,7 @@ class Section:
         """Indices in place of the names that link events have."""
         if isinstance(value, str):
             return (MODES if name == "mode" else self.small[f"{group}/nodes"]).index(value)
-        return value
+        return -1 if value is None and name == "reference" else value
 
     def _map(self, group: str, data: bytes) -> np.ndarray[Any, Any]:
         grid = Grid()

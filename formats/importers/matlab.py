@@ -41,6 +41,6 @@ def read_mat(path: Path) -> TextFile:
         raise FormatError(path, "", error.strerror or str(error)) from error
     except Exception as error:
         reason = " ".join(str(error).split())[:200]
-        raise FormatError(path, "", f"no table of MATLAB: {reason}") from error
+        raise FormatError(path, "variables", f"no table of MATLAB: {reason}") from error
     lines = (",".join(map(repr, row)) for row in matrix.tolist())
     return TextFile(path, "\n".join(lines), hashlib.sha256(data).hexdigest())

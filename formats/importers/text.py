@@ -52,6 +52,8 @@ def read_text(path: Path, of_lines: bool = True) -> TextFile:
         data = path.read_bytes()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
+        if isinstance(error, IsADirectoryError):
+            reason += ": import a folder by itself, or its files by name"
         raise FormatError(path, "", reason) from error
     try:
         text = data.decode("utf-8-sig")

@@ -29,10 +29,15 @@ SCHEMAS: dict[str, dict[str, Any]] = {
         "echoset.UwbMeasurement",
         "One link event: path lengths [m] and amplitudes [square root of the SNR] of its paths; "
         "further arrays are declared columns of the same length.",
-        mode={"enum": ["active", "passive"]},
+        mode={"enum": ["active", "passive", "tdoa"]},
         tx={"type": "string"},
         rx={"type": "string"},
         distance=_NUMBERS,
+    ),
+    "echoset.Odometry": _schema(
+        "echoset.Odometry",
+        "Velocity [m/s] in the body's frame, turn rate [rad/s] and heading [rad] since the event "
+        "before; null where not told.",
     ),
     "echoset.Scan": _schema(
         "echoset.Scan", "Values of the scan whose detections follow, such as its field of view."

@@ -29,6 +29,8 @@ ColumnType = tuple[str, tuple[int, ...]]
 """Type and shape of one value of a column."""
 
 MAP = "map"
+NODES = ("tx", "rx", "reference")
+"""Scan columns that count into the nodes."""
 _POINT_TYPES: Any = {"u1": 1, "i1": 2, "u2": 3, "i2": 4, "u4": 5, "i4": 6, "f4": 7, "f8": 8}
 """Numbers of ``foxglove.PackedElementField``'s types."""
 
@@ -67,8 +69,10 @@ class Table:
     def _to_json(self, name: str, value: Any) -> Any:
         if name == "mode":
             return MODES[value]
-        if name in ("tx", "rx") and self.nodes:
-            return self.nodes[value]
+        if name in NODES and self.nodes:
+            return None if value < 0 else self.nodes[value]
+        if isinstance(value, float) and math.isnan(value):
+            return None
         return _lossless(np.asarray(value))
 
     def decode(self, data: bytes) -> tuple[dict[str, Any], dict[str, Array], int]:
@@ -93,8 +97,8 @@ class Table:
     def _from_json(self, name: str, value: Any) -> Any:
         if name == "mode":
             value = MODES.index(value)
-        elif name in ("tx", "rx") and self.nodes:
-            value = self.nodes.index(value)
+        elif name in NODES and self.nodes:
+            value = -1 if value is None else self.nodes.index(value)
         dtype, tail = self.types[self.scan[name]]
         return np.array(value, dtype).reshape(tail)[()]
 
@@ -238,6 +242,8 @@ def _of_stream(
     if small[f"{group}/kind"] == "uwb":
         topic = "/uwb/measurements" if name == "uwb" else f"/uwb/{name}/measurements"
         return [Table(group, topic, "echoset.UwbMeasurement", scan, rows, types, nodes)]
+    if small[f"{group}/kind"] == "odometry":
+        return [Table(group, f"/odometry/{name}", "echoset.Odometry", scan, rows, types, nodes)]
     topic = f"/radar/{name}"
     maps = {c: scan.pop(c) for c in (MAP,) if c in scan}
     found = []

@@ -18,6 +18,7 @@ import numpy as np
 from ...models.errors import FormatError, ParameterError
 from ...models.records import Scores
 from ...models.runs import Runs
+from ..foreign import hint
 from ..plain_json import json_object
 from .text import (
     COLUMNS,
@@ -68,7 +69,7 @@ def read(source: Target, path: object = None) -> Scores:
         with source.open("rb") if isinstance(source, Path) else io.BytesIO(source.read()) as file:
             scores = _read(file, path)
     except OSError as error:
-        raise FormatError(path, "", error.strerror or str(error)) from error
+        raise FormatError(path, "", f"{error.strerror or error}{hint(path)}") from error
     _check(scores, path)
     return scores
 

@@ -149,7 +149,8 @@ def from_json(text: str, path: object) -> Scores:
     tree = json_object(text, path)
     provenance, table = tree.get("provenance"), tree.get("scores")
     if set(tree) != {"provenance", "scores"} or not isinstance(provenance, dict):
-        raise FormatError(path, "line 1", "not an object of provenance and scores")
+        reason = f"not an object of provenance and scores{hint(path)}"
+        raise FormatError(path, "line 1", reason)
     if not isinstance(table, list):
         raise FormatError(path, "scores", "is not a list")
     for i, row in enumerate(table):

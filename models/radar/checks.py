@@ -11,6 +11,7 @@ from math import pi
 
 import numpy as np
 
+from ..covariance import indefinite
 from ..records import Array, Stream
 from ..where import Where
 
@@ -32,6 +33,8 @@ def check_detections(stream: Stream, at: Where) -> None:
     """
     if any(key in stream.rows for key in SPACE):
         _check_covariance(stream, at)
+    if any(f"{key}_table" in stream.model for key in SPACE):
+        _check_tables(stream, at / "model")
     if any(key.startswith("view_") for key in stream.scan):
         _check_view(stream, at)
     if stream.kind == "range_angle_map":
@@ -54,6 +57,27 @@ def _check_covariance(stream: Stream, at: Where) -> None:
             good &= (std["z"] > 0) & (1 + 2 * xy * xz * yz - xy**2 - xz**2 - yz**2 > 0)
     reason = "begins a covariance that is not positive definite"
     (at / "rows/cov_xx").none(~good, rows["cov_xx"], reason)
+
+
+def _check_tables(stream: Stream, at: Where) -> None:
+    """All tables of a covariance there, of one shape, and positive semidefinite at every node.
+
+    What a node has that no sensor sees may be zero.
+    """
+    names = [f"{key}_table" for key in SPACE]
+    names = names if any(name in stream.model for name in names[3:]) else names[:3]
+    tables = []
+    for name in names:
+        if name not in stream.model:
+            at.fail(f"{name!r} is missing")
+        tables.append(np.asarray(stream.model[name]))
+        if tables[-1].dtype.kind not in "iuf" or tables[-1].shape != tables[0].shape:
+            (at / name).fail(f"must be numbers in the shape {tables[0].shape} of {names[0]}")
+    xx, xy, yy, *more = (np.asarray(t, float) for t in tables)
+    zero = np.zeros_like(xx)
+    xz, yz, zz = more or (zero, zero, zero)
+    P = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], -1).reshape(*xx.shape, 3, 3)
+    (at / names[0]).none(indefinite(P), xx, "begins a covariance that is not semidefinite")
 
 
 def _check_view(stream: Stream, at: Where) -> None:

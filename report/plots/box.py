@@ -8,6 +8,7 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array
+from .clock import origin
 from .columns import Columns, quantity, several, title
 from .panels import legend, panels
 from .protocol import Inputs, Selection
@@ -34,10 +35,14 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     InputError : no values over time of single recordings
     """
     scores, pooled = inputs.tables
-    rows = Columns.of(scores, selection)
-    single = np.array([not name.endswith("*") for name in rows.recording], bool)
-    rows = rows.where(single & (rows.estimator != "") & np.isin(rows.part, PARTS))
-    rows = rows.where(~np.char.endswith(rows.metric.astype(str), "-valid"))
+    some = scores.where(
+        lambda name: not name.endswith("*"),
+        bool,
+        lambda name: not name.endswith("-valid"),
+        PARTS.__contains__,
+        timed=True,
+    )
+    rows = Columns.of(some, selection)
     whole = set(rows.metric[rows.part == ""])
     rows = rows.where(np.array([p == "" or m not in whole for m, p in _names(rows)], bool))
     if not len(rows):
@@ -60,10 +65,11 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
         a.set_ylabel(f"error of the {part} [m]" if metric == "rmse" else quantity(metric, part))
         a.set_ylim(bottom=0)
         a.grid(axis="x", visible=False)
-    labels = [f"{t:.3g}" for t in edges]
+    start, since = origin(float(edges[0]), inputs)
+    labels = [f"{t - start:.3g}" for t in edges]
     epochs = len(np.unique(rows.time)) <= EPOCHS
     axes[-1].set_xticks(range(len(edges)), labels)
-    axes[-1].set_xlabel("time [s]" if epochs else "time from [s]")
+    axes[-1].set_xlabel(f"time{'' if epochs else ' from'}{since} [s]")
     figure.suptitle(title(pooled))
     legend(figure, *axes)
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array
+from .clock import time_axis
 from .columns import Columns, title
-from .panels import legend, panels
+from .panels import joining, legend, panels, sparse, thinned
 from .protocol import Inputs, Selection
 from .style import BLACK, line
 
@@ -43,19 +44,23 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     else:
         raise InputError("cardinality: needs estimates or scores, which no input holds")
     (axes,) = panels(figure, 1)
+    joined = max((joining(len(time)) for _, time, *_ in lines), default=1)
     if true is not None:
+        true = thinned(true[0], joined), thinned(true[1], joined)
         axes.step(*true, where="mid", color=BLACK, lw=1.4, zorder=2.5, label="truth")
     for i, (label, time, mean, std, _) in enumerate(lines):
         colour = line(i)["color"]
-        axes.plot(time, mean, label=label, **{**line(i), "markevery": max(1, len(time) // 10)})
+        time, mean, std = (thinned(v, joined) for v in (time, mean, std))
+        axes.plot(time, mean, label=label, **sparse(line(i), len(time), 10))
         if not np.isnan(std).all():
             axes.fill_between(time, mean - std, mean + std, color=colour, alpha=0.2, lw=0)
     for of in dict.fromkeys(of for *_, std, of in lines if not np.isnan(std).all()):
         label = f"± standard deviation {of}"
         axes.fill(np.nan, np.nan, color="#999999", alpha=0.4, lw=0, label=label)
-    axes.set(xlabel="time [s]", ylabel="number of objects [1]")
+    axes.set_ylabel("number of objects [1]")
     axes.margins(x=0)
-    figure.suptitle(name)
+    time_axis(axes, inputs)
+    figure.suptitle(name + (f", means over {joined} times" if joined > 1 else ""))
     legend(figure, axes)
 
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ...models.names import scenario
 from ...models.records import Array, Scores
-from ..pivot import records
 from .protocol import Selection
 
 QUANTITIES = {
@@ -85,21 +83,32 @@ class Series:
 
 
 def series(pooled: Scores, metric: str, part: str, selection: Selection) -> list[Series]:
-    """The series of a metric's part, estimators first, then bounds (see :mod:`..pivot`)."""
-    bounds = set(pooled.where(estimator="").metric)
-    asked = (metric, bool), (None, "")
-    some = Scores.join(pooled.where(metric=m, estimator=e, part=part) for m, e in asked)
-    rows = [r for r in records(some) if r.metric == metric]
-    rows = [r for r in rows if selection.start <= r.time <= selection.stop]
-    many = len({r.scenario for r in rows}) > 1
-    found = []
-    for key in dict.fromkeys((r.scenario, r.estimator) for r in rows):
-        mine = sorted((r for r in rows if (r.scenario, r.estimator) == key), key=lambda r: r.time)
-        columns: list[Any] = [
-            np.array([getattr(r, c) for r in mine]) for c in ("time", "value", "stderr", "valid")
-        ]
-        found.append(Series(" ".join(key if many else key[1:]), key[1] in bounds, *columns))
-    return found
+    """The series of a metric's part, estimators first, then its bounds (see :mod:`..pivot`)."""
+    timed = pooled.where(part=part, timed=True)
+    inside = (selection.start <= timed.time) & (timed.time <= selection.stop)
+    timed = timed.take(np.flatnonzero(inside))
+    own = timed.where(metric=metric, estimator=bool)
+    found = [(pair, own.where(*pair), False) for pair in _pairs(own.recording, own.estimator)]
+    if metric == "rmse":
+        limits = timed.where(estimator="", metric=lambda name: not name.endswith("-valid"))
+        for pair in _pairs(limits.recording, limits.metric):
+            found.append((pair, limits.where(pair[0], metric=pair[1]), True))
+    many = len({scenario(recording) for (recording, _), *_ in found}) > 1
+    made = []
+    for (recording, name), rows, bound in found:
+        rows = rows.take(np.argsort(rows.time, kind="stable"))
+        valid = np.ones(len(rows), bool)
+        if bound:
+            said = timed.where(recording, "", f"{name}-valid")
+            valid = ~np.isin(rows.time, said.time[said.value != 1.0])
+        label = f"{scenario(recording)} {name}" if many else name
+        made.append(Series(label, bound, rows.time, rows.value, rows.stderr, valid))
+    return made
+
+
+def _pairs(first: Sequence[str], second: Sequence[str]) -> list[tuple[str, str]]:
+    """All different pairs of two columns, in order."""
+    return list(dict.fromkeys(zip(first, second, strict=True)))
 
 
 def title(pooled: Scores) -> str:

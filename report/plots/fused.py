@@ -14,6 +14,7 @@ from scipy.interpolate import RegularGridInterpolator
 from ...models.poses import pose_at
 from ...models.records import Array, Recording, Stream
 from . import places
+from .clock import moment
 from .protocol import Inputs, Selection
 from .range_angle import FLOOR, RING, decibels, grid, last_maps, true_centres
 from .style import LABEL, SURFACE, VERMILION
@@ -75,7 +76,7 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     axes.grid(False)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     figure.colorbar(image, ax=axes, label="power over the noise [dB]", extend="min")
-    figure.suptitle(f"{recording.meta.name}, {now / 1e9:g} s")
+    figure.suptitle(f"{recording.meta.name}, {moment(now / 1e9, inputs)}")
 
 
 def _area(

@@ -52,12 +52,20 @@ def legend(figure: Figure, *axes: Axes) -> None:
     found: dict[str, Any] = {}
     for a in axes:
         for handle, label in zip(*a.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, handle)
+            if not _is_nothing(handle):
+                found.setdefault(label, handle)
     if found:
         points = 72 * figure.get_size_inches()[0]
         columns = _fitting([42 + 4.3 * len(label) for label in found], points)
         handles = list(found.values())
         figure.legend(handles, list(found), loc="outside lower center", ncols=columns)
+
+
+def _is_nothing(handle: Any) -> bool:
+    """Whether a line goes nowhere."""
+    data = getattr(handle, "get_ydata", None)
+    values = np.asarray(data(), float) if data else np.zeros(1)
+    return len(values) > 0 and bool(np.isnan(values).all())
 
 
 def _fitting(entries: list[float], width: float) -> int:
@@ -84,6 +92,23 @@ def decades(axes: Axes, which: str) -> None:
 def sparse(style: dict[str, Any], points: int, about: int = 8) -> dict[str, Any]:
     """A line's style with a marker at ``about`` so many of its ``points``."""
     return {**style, "markevery": max(1, points // about)}
+
+
+MOST = 2000
+"""Times of a line above which the means over several are drawn."""
+
+
+def joining(number: int) -> int:
+    """How many of ``number`` consecutive times become one."""
+    return -(-number // MOST) or 1
+
+
+def thinned(values: Array, count: int) -> Array:
+    """Means (m,) over ``count`` consecutive ``values`` (n,) each, the last ones over the rest."""
+    if count == 1:
+        return values
+    starts = np.arange(0, len(values), count)
+    return np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
 
 
 def spans(time: Array, value: Array, step: float) -> list[tuple[float, float, int]]:

@@ -10,6 +10,7 @@ from ...models.errors import InputError
 from ...models.poses import pose_at
 from ...models.records import Array, Recording, Stream
 from . import places
+from .clock import moment
 from .panels import even, panels
 from .protocol import Inputs, Selection
 from .style import SURFACE
@@ -54,7 +55,7 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
         distance, angle = np.hypot(*local.T), np.arctan2(local[:, 1], local[:, 0])
         seen = (distance <= r[-1]) & (azimuth[0] <= angle) & (angle <= azimuth[-1])
         a.plot(np.degrees(angle[seen]), distance[seen], **RING)
-        a.set_title(f"{stream.nodes[0]}, {stream.time_ns[k] / 1e9:g} s")
+        a.set_title(f"{stream.nodes[0]}, {moment(stream.time_ns[k] / 1e9, inputs)}")
         a.grid(False)
         a.set(ylabel="range [m]")
     for a in axes[-even(figure, len(axes)) :]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,8 +10,9 @@ import numpy as np
 from ...models.errors import InputError
 from ...models.records import Estimates
 from .blockages import shade
-from .columns import quantity, series, title
-from .panels import decades, legend, panels, sparse
+from .clock import time_axis
+from .columns import Series, quantity, series, title
+from .panels import decades, joining, legend, panels, sparse, thinned
 from .protocol import Inputs, Selection
 from .style import bound, line
 
@@ -34,6 +36,8 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     """
     _, pooled = inputs.tables
     found = {part: series(pooled, "rmse", part, selection) for part in PARTS}
+    joined = max((joining(len(s.time)) for lines in found.values() for s in lines), default=1)
+    found = {part: [_thinned(s) for s in lines] for part, lines in found.items()}
     shown = {part: lines for part, lines in found.items() if any(not s.bound for s in lines)}
     if not shown:
         raise InputError("rmse: the scores hold no rmse over time: score with -m rmse")
@@ -62,16 +66,38 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
             limits = a.get_xlim()
             shade([a], inputs.recording)
             a.set_xlim(limits)
-    last.set_xlabel("time [s]")
-    figure.suptitle(title(pooled))
+    time_axis(last, inputs)
+    note = f", over {joined} times each" if joined > 1 else ""
+    figure.suptitle(title(pooled) + note)
     legend(figure, *axes)
+
+
+def _thinned(s: Series) -> Series:
+    """The series with root mean squares over consecutive times, where there are very many.
+
+    A standard error is at most the mean of theirs; what is not valid at one time is not.
+    """
+    count = joining(len(s.time))
+    if count == 1:
+        return s
+    value = np.sqrt(thinned(s.value**2, count))
+    valid = thinned(s.valid.astype(float), count) == 1.0
+    return replace(
+        s,
+        time=thinned(s.time, count),
+        value=value,
+        stderr=thinned(s.stderr, count),
+        valid=valid,
+    )
 
 
 def _evidence(axes: Axes, estimates: list[Estimates]) -> None:
     """The log predictive density of each step above that of clutter alone."""
     for i, e in enumerate(estimates):
         time = e.objects.time_ns / 1e9
-        axes.plot(time, e.steps["evidence"], label=f"{e.estimator}, {e.meta.name}", **line(i))
+        count = joining(len(time))
+        mean = thinned(time, count), thinned(e.steps["evidence"], count)
+        axes.plot(*mean, label=f"{e.estimator}, {e.meta.name}", **line(i))
         anew = np.flatnonzero(e.steps.get("sought_anew", np.zeros(len(time))))
         axes.plot(time[anew], e.steps["evidence"][anew], "kx", label="_sought anew")
     axes.axhline(0.0, color="0.6", lw=0.6)

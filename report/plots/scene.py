@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...models.errors import InputError
-from ...models.records import Array, Objects, Recording
+from ...models.records import Array, Objects, Recording, Sensor
 from . import places
 from .blockages import shade
+from .clock import time_axis
+from .labels import place
 from .panels import legend
 from .protocol import Inputs, Selection
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
@@ -68,13 +70,15 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     above.set(xlabel="x [m]", ylabel="y [m]")
     shade(over, recording)
     over[0].set(ylabel="x [m]")
-    over[1].set(xlabel="time [s]", ylabel="y [m]")
+    over[1].set_ylabel("y [m]")
     over[0].sharex(over[1])
+    time_axis(over[1], inputs)
     over[0].tick_params(labelbottom=False)
     note = f", objects at one of {thinned} times" if thinned > 1 else ""
     figure.suptitle(recording.meta.name + note)
     legend(figure, above, over[1])
     _true_to_scale(figure, above)
+    place(above, *_stands(recording, selection))
 
 
 _NOTE: dict[str, Any] = {
@@ -141,7 +145,7 @@ def _objects(
         if not set(columns) <= set(objects.state_names):
             continue
         xy, label = objects.columns(*columns), name + part
-        for k, mine in enumerate(_lines(objects, rows, index is None)):
+        for k, mine in enumerate(_lines(objects, rows, index is None) if len(rows) else ()):
             style = _look(index, bool(prefix)) | {"label": label if k == 0 else None}
             axes["map"].plot(xy[mine, 0], xy[mine, 1], **style)
             axes["x"].plot(time[mine], xy[mine, 0], **style)
@@ -172,21 +176,29 @@ def _look(index: int | None, device: bool) -> dict[str, Any]:
 
 
 def _sensors(axes: Axes, recording: Recording, selection: Selection) -> None:
-    """Anchors and radars, with the path of those that move, and their names."""
-    for name, sensor in recording.sensors.items():
-        if not len(sensor.time_ns):
-            continue
-        at = selection.times(places.seconds(sensor.time_ns))
-        if not len(at):
-            at = np.zeros(1, int)
-        path = sensor.position[at, :2]
-        marker = "^" if sensor.kind == "anchor" else "s"
+    """Anchors and radars, with the path of those that move."""
+    for sensor in recording.sensors.values():
+        path = _path(sensor, selection)
         if len(path) > 1:
             axes.plot(*path.T, color=BLACK, lw=0.8, ls=(0, (4, 1, 1, 1)), label="path of a sensor")
-        axes.plot(
-            *path[-1], color=BLACK, marker=marker, ls="", markersize=5, label=sensor.kind, zorder=6
-        )
-        left, right = axes.get_xlim()
-        beyond = path[-1, 0] > right - 0.1 * (right - left)
-        where: dict[str, Any] = {"xytext": (-5, 4), "ha": "right"} if beyond else {"xytext": (5, 4)}
-        axes.annotate(name, path[-1], textcoords="offset points", zorder=7, **where)
+        if len(path):
+            marker = "^" if sensor.kind == "anchor" else "s"
+            axes.plot(
+                *path[-1], color=BLACK, marker=marker, ls="", markersize=5, label=sensor.kind,
+                zorder=6,
+            )  # fmt: skip
+
+
+def _path(sensor: Sensor, selection: Selection) -> Array:
+    """Where a sensor was (k, 2), or first is; nothing of one without a place."""
+    if not len(sensor.time_ns):
+        return np.zeros((0, 2))
+    at = selection.times(places.seconds(sensor.time_ns))
+    return sensor.position[at if len(at) else [0], :2]
+
+
+def _stands(recording: Recording, selection: Selection) -> tuple[list[str], Array]:
+    """The names of sensors, and where they stand at last (n, 2)."""
+    paths = {name: _path(sensor, selection) for name, sensor in recording.sensors.items()}
+    last = {name: path[-1] for name, path in paths.items() if len(path)}
+    return list(last), np.array(list(last.values())).reshape(-1, 2)

@@ -9,8 +9,9 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array
+from .clock import time_axis
 from .columns import Columns, quantity, several, title
-from .panels import legend, panels, widest
+from .panels import joining, legend, panels, thinned, widest
 from .protocol import Inputs, Selection
 from .style import BLACK, shade
 
@@ -22,8 +23,6 @@ NEEDS: tuple[str, ...] = ("scores",)
 USES: tuple[str, ...] = ()
 SIZE = (16.0, 7.0)
 PARTS = ("localisation", "cardinality", "missed", "false")
-MOST = 2000
-"""Times above which the means over several are drawn."""
 _ORDER = 2.0
 
 
@@ -56,11 +55,10 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
             (rows.metric == metric) & (rows.scenario == scene) & (rows.estimator == estimator)
         )
         time, whole, parts = stack(mine, order(scores.provenance, metric))
-        count = -(-len(time) // MOST)
-        if count > 1:
-            time, whole = thinned(time, count), thinned(whole, count)
-            parts = {name: thinned(part, count) for name, part in parts.items()}
-            joined = max(joined, count)
+        count = joining(len(time))
+        time, whole = thinned(time, count), thinned(whole, count)
+        parts = {name: thinned(part, count) for name, part in parts.items()}
+        joined = max(joined, count)
         layers = a.stackplot(time, list(parts.values()), labels=list(parts))
         for i, layer in enumerate(layers):
             layer.set(**shade(PARTS.index(list(parts)[i])))
@@ -72,7 +70,7 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     for a, (metric, _, _) in zip(axes, cells, strict=True):
         a.set_ylim(0, 1.05 * highest[metric] or 1.0)
     for a in axes[-columns:]:
-        a.set_xlabel("time [s]")
+        time_axis(a, inputs)
     note = f", means over {joined} times" if joined > 1 else ""
     figure.suptitle(title(pooled) + note)
     legend(figure, *axes)
@@ -97,12 +95,6 @@ def stack(rows: Columns, p: float) -> tuple[Array, Array, dict[str, Array]]:
     seen = np.maximum((~np.isnan(whole)).sum(0), 1)
     means = np.nansum(share, 1) / seen
     return time, np.nansum(whole, 0) / seen, dict(zip(names, means, strict=True))
-
-
-def thinned(values: Array, count: int) -> Array:
-    """Means (m,) over ``count`` consecutive ``values`` (n,) each, the last ones over the rest."""
-    starts = np.arange(0, len(values), count)
-    return np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
 
 
 def order(provenance: Mapping[str, Any], metric: str) -> float:

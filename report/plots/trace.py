@@ -8,6 +8,7 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Array, Estimates
+from .clock import moment, time_axis
 from .panels import panels
 from .protocol import Inputs, Selection
 from .style import line
@@ -50,26 +51,28 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     axes = panels(figure, len(names) + acceptance, columns=1)
     for a, name in zip(axes, reversed(names), strict=False):
         short = name.removesuffix("_trace")
-        _traces(a, estimates, estimates.steps[name], shown, short == "log_posterior")
+        _traces(a, inputs, estimates.steps[name], shown, short == "log_posterior")
         a.set(xlabel="iteration [1]", ylabel=_LABELS.get(short, short))
         if short == "log_posterior":
             a.set_yscale("symlog", linthresh=10)
     axes[0].legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     if acceptance:
         _acceptance(axes[-1], estimates, time[steps], estimates.steps["acceptance"][steps])
+        time_axis(axes[-1], inputs)
         axes[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     figure.suptitle(f"{estimates.meta.name}, {estimates.estimator}")
 
 
-def _traces(axes: Axes, estimates: Estimates, traces: Array, shown: Array, relative: bool) -> None:
+def _traces(axes: Axes, inputs: Inputs, traces: Array, shown: Array, relative: bool) -> None:
     """Traces (n, k) of the steps ``shown``, or ``relative`` to the highest of each."""
+    (estimates,) = inputs.estimates
     time = estimates.objects.time_ns / 1e9
     for i, k in enumerate(shown.tolist()):
         last = estimates.steps["iterations"][k] - 1 if "iterations" in estimates.steps else None
         x = np.linspace(0, traces.shape[1] - 1 if last is None else last, traces.shape[1])
         style = {**line(i), "marker": "", "linewidth": 0.9}
         y = traces[k] - (traces[k].max() if relative else 0.0)
-        axes.plot(x, y, label=f"step at {time[k]:g} s", **style)
+        axes.plot(x, y, label=f"step at {moment(float(time[k]), inputs)}", **style)
         if "burn_in" in estimates.steps:
             at = int(np.searchsorted(x, estimates.steps["burn_in"][k]).clip(0, len(x) - 1))
             mark: dict[str, Any] = {
@@ -90,4 +93,4 @@ def _acceptance(axes: Axes, estimates: Estimates, time: Array, share: Array) -> 
         if share[:, i].any():
             name = known[i] if i < len(known) else f"move {i + 1}"
             axes.plot(time, share[:, i], label=name, **line(i))
-    axes.set(xlabel="time [s]", ylabel="accepted moves [1]", ylim=(0, None))
+    axes.set(ylabel="accepted moves [1]", ylim=(0, None))

@@ -123,6 +123,7 @@ def test_anchors_missing(estimate, rec, tmp_path, monkeypatch):
         (("--preset", "slwo"), ["did you mean 'slow'"]),
         (("--config", "none.yaml"), ["none.yaml"]),
         (("--keep",), ["--keep"]),
+        (("--smooth",), ["no way back", "--smooth"]),
         (("--format", "h6"), ["'h6'"]),
         (("--overwrite", "--skip-existing"), ["exclude"]),
         (("-j", "0"), ["0"]),
@@ -186,9 +187,9 @@ def test_special_file_is_not_replaced(run):
 
 @pytest.mark.parametrize("form", ["h5", "mcap"])
 @pytest.mark.parametrize("limit", [0, 4096, 100_000])
-def test_full_disk(start, tmp_path, form, limit):
+def test_full_disk(fork, tmp_path, form, limit):
     """A limit on the size of files stops writing in the middle, as a full disk does."""
-    process = start(
+    process = fork(
         "simulate", "uwb-los", "-o", tmp_path / f"x.{form}",
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
     )  # fmt: skip
@@ -198,8 +199,8 @@ def test_full_disk(start, tmp_path, form, limit):
 
 
 @pytest.mark.parametrize("form", ["h5", "mcap"])
-def test_full_disk_while_estimating(start, rec, tmp_path, form):
-    process = start(
+def test_full_disk_while_estimating(fork, rec, tmp_path, form):
+    process = fork(
         "estimate", "-e", "mean", rec, "-o", tmp_path / f"x.{form}",
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)),
     )  # fmt: skip
@@ -208,10 +209,10 @@ def test_full_disk_while_estimating(start, rec, tmp_path, form):
     assert not os.listdir(tmp_path)
 
 
-def test_full_stdout(start, rec):
+def test_full_stdout(fork, rec):
     for args in (("simulate", "uwb-los", "-o", "-"), ("info", rec)):
         with open("/dev/full", "wb") as full:
-            process = start(*args, stdout=full)
+            process = fork(*args, stdout=full)
             error = process.communicate(timeout=60)[1].decode()
         assert process.returncode == 5 and "No space left" in error
 
@@ -228,10 +229,10 @@ def test_closed_pipe(start, form):
 @pytest.mark.parametrize(
     ("signum", "code"), [(signal.SIGHUP, 129), (signal.SIGINT, 130), (signal.SIGTERM, 143)]
 )
-def test_signal_in_the_middle(start, campaign, tmp_path, jobs, signum, code):
+def test_signal_in_the_middle(fork, campaign, tmp_path, jobs, signum, code):
     folder = tmp_path / "out"
     files = sorted(campaign.glob("*.h5"))
-    process = start(
+    process = fork(
         "estimate", "-e", "mean", *files, "-o", f"{folder}/", "-j", jobs, "--set", "delay=10"
     )  # fmt: skip
     for _ in range(200):
@@ -292,3 +293,20 @@ def test_a_proposal_goes_to_stdout(run, tmp_path):
     check(run("convert", log, "--propose"), 2, "--propose is for one log and --from")
     check(run("convert", "--from", "csv", log, "--propose", "-o", "x.h5"), 2, "--propose")
     check(run("convert", "--from", "labyrinth", log, "--propose"), 2, "needs no mapping")
+
+
+def test_what_is_not_ours_gets_a_hint(run, tmp_path):
+    """Each line names the file, and what to type or where to look."""
+    (tmp_path / "foreign.json").write_text('{"a": 1}')
+    (tmp_path / "list.json").write_text('[{"sensorID": 1}]')
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    (folder / "Indoor_UWB_Input.txt").write_text("range2 0.0 1.0 0.01 0 0 1\n")
+    none = (
+        "foreign.json: line 1: not an object of provenance and scores: see 'echoset list importers'"
+    )
+    check(run("info", tmp_path / "foreign.json"), 4, none)
+    check(run("info", tmp_path / "list.json"), 4, "try echoset convert --from autoferry")
+    both = ("convert", "--from", "labyrinth", folder, folder, "-o", tmp_path / "x.h5")
+    check(run(*both), 4, "logs: Is a directory: import a folder by itself, or its files by name")
+    check(run("convert", "--from", "labyrinth", folder), 2, "where to write, as in -o logs.h5")

@@ -66,7 +66,7 @@ def small_windows(monkeypatch):
     monkeypatch.setattr(windows, "WINDOW", 8)
 
 
-@pytest.mark.parametrize("estimator", ["phd", "mbm"])
+@pytest.mark.parametrize("estimator", ["phd", "mbm", "pmb"])
 @pytest.mark.parametrize("form", ["h5", "mcap"])
 @pytest.mark.parametrize("name", BAD)
 def test_bad_recording(run, tmp_path, empty, monkeypatch, name, form, estimator):

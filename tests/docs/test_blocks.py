@@ -2,7 +2,8 @@
 
 Tags say what becomes of a block. ``console``: commands after ``$``, continued after ``>``, run and
 must end well; what stands below one is its output as on a terminal, in which ``...`` is anything
-and numbers with a point may differ a little, as they do between processors. ``python``: run.
+and numbers with a point may differ a little, as they do between processors. ``bash``: commands as
+they are typed, which run and must end well. ``python``: run.
 ``yaml`` and ``toml``: read. ``sh``: not run; the first line is a comment that says why, and
 commands and targets named in it exist. ``text``: no code.
 """
@@ -42,7 +43,7 @@ Run = Callable[[str], str]
 def test_every_block_says_what_it_is(page: Path, page_blocks) -> None:
     for block in page_blocks:
         where = f"{page.name}:{block.line}"
-        known = ("console", "python", "yaml", "toml", "sh", "text")
+        known = ("console", "bash", "python", "yaml", "toml", "sh", "text")
         assert block.tag in known or block.tag.startswith("{"), f"{where}: tag {block.tag!r}"
         if block.tag == "text":
             assert not re.search(r"^\$? ?(echoset|make) ", block.text, re.M), f"{where}: not text"
@@ -123,6 +124,9 @@ def test_blocks_run(page: Path, page_blocks, run: Run) -> None:
             for line, expected in console(block.text):
                 found = run(line)
                 assert not expected or agrees(expected, found), f"{where}: $ {line}\n{found}"
+        elif block.tag == "bash":
+            for line in typed(block.text):
+                run(line)
         elif block.tag == "python":
             exec(compile(block.text, where, "exec"), names)
         elif block.tag == "yaml":
@@ -146,6 +150,18 @@ def console(text: str) -> Iterator[tuple[str, str]]:
             output.append(line)
     assert command, "a console block without a command"
     yield "\n".join(command), "\n".join(output)
+
+
+def typed(text: str) -> Iterator[str]:
+    """Commands as they are typed, with what follows ``<<'END'`` or a last ``\\`` or ``|``."""
+    command: list[str] = []
+    for line in text.splitlines():
+        command.append(line)
+        begun = re.search(r"<<'(\w+)'", command[0])
+        if line == begun[1] if begun else not line.endswith(("\\", "|")):
+            yield "\n".join(command)
+            command = []
+    assert not command, "a command without an end"
 
 
 def agrees(expected: str, found: str) -> bool:
@@ -187,6 +203,31 @@ def test_output_is_compared(expected: str, found: str, same: bool) -> None:
 def test_commands_are_told_from_output() -> None:
     text = "$ cat > a <<'E'\n> b: 1\n> E\n$ echoset list\nestimators:\n"
     assert list(console(text)) == [("cat > a <<'E'\nb: 1\nE", ""), ("echoset list", "estimators:")]
+
+
+def test_commands_as_they_are_typed() -> None:
+    text = "cat > a <<'E'\nb: 1\nE\necho a \\\n  b |\n  cat\nls\n"
+    assert list(typed(text)) == ["cat > a <<'E'\nb: 1\nE", "echo a \\\n  b |\n  cat", "ls"]
+
+
+def test_what_can_be_typed_is_without_prompts(page: Path, page_blocks) -> None:
+    for block in page_blocks:
+        assert not re.search(r"^> ", block.text, re.M), f"{page.name}:{block.line}"
+
+
+def test_links_have_words_and_lead_somewhere(page: Path) -> None:
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S)
+    for words, target in re.findall(r"(?<!!)\[([^\]\n]*)\]\(([^)\s]+)\)", text):
+        assert words, f"{page.name}: a link to {target} without words"
+        if target.startswith(("http", "mailto:")):
+            continue
+        path, _, anchor = target.partition("#")
+        other = page.parent / path if path else page
+        assert other.exists() and "reference/" not in path, f"{page.name}: {target}"
+        if anchor:
+            heads = re.findall(r"^#+ (.+)$", other.read_text(), re.M)
+            slugs = [re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in heads]
+            assert anchor in slugs, f"{page.name}: {target}"
 
 
 def test_what_does_not_exist_is_found() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -22,7 +23,7 @@ from echoset.models.records import Estimates, Meta, Recording, Sensor, Stream
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "plugins"
-NAMES = ("bias", "lateration", "npz", "roundabout")
+NAMES = ("beacons", "bias", "lateration", "npz", "roundabout")
 Run = Callable[..., str]
 
 
@@ -86,6 +87,25 @@ def test_scenario_format_and_metric_of_strangers_work_together(run: Run) -> None
     run("score l.h5 --truth ranges.npz -m rmse,bias -o l.csv")
     assert aggregate("l.csv", "rmse", "device") < 0.3
     assert abs(aggregate("l.csv", "bias", "device-x")) < aggregate("l.csv", "rmse", "device")
+
+
+def test_an_importer_of_strangers(run: Run, tmp_path: Path) -> None:
+    beacons = {"B1": [0, 0], "B2": [5, 0], "B3": [0, 4]}
+    place = np.array([2.0, 1.0])
+    cm = {name: round(100 * float(np.hypot(*(place - p)))) for name, p in beacons.items()}
+    lines = [{"beacons": beacons}, *({"ms": 100 * k, "ranges": cm} for k in range(5))]
+    lines[3] = {"ms": 200, "ranges": {"B2": cm["B2"]}}
+    Path("a.jsonl").write_text("\n".join(map(json.dumps, lines)) + "\n")
+    assert "try echoset convert --from beacons a.jsonl" in run("info a.jsonl", code=4)
+    run("convert --from beacons a.jsonl -o a.h5")
+    run("validate --strict a.h5")
+    stream = echoset.read("a.h5").streams["uwb"]
+    assert len(stream) == 13 and stream.time_ns[-1] == 400_000_000
+    run("estimate -e lateration a.h5 -o e.h5")
+    found = echoset.read("e.h5").objects.columns("device_x", "device_y")
+    np.testing.assert_allclose(found[-1], place, atol=0.02)
+    Path("a.jsonl").write_text(json.dumps(lines[0]) + '\n{"ms": 1, "ranges": {"B9": 3}}\n')
+    assert "a.jsonl: line 2: 'B9' is no beacon" in run("convert --from beacons a.jsonl -o b.h5", 4)
 
 
 def test_vehicles_stay_on_their_circle(run: Run) -> None:

@@ -18,6 +18,7 @@ from echoset.formats import scores as archive
 from echoset.metrics import protocol
 from echoset.metrics.kit.table import rows
 from echoset.models import registry
+from echoset.models.errors import InputError
 from echoset.models.parameters import parameter
 from echoset.models.records import Estimates, Meta, Objects, Recording, Sensor, Stream, Truth
 
@@ -183,3 +184,32 @@ def test_gate_on_what_was_not_computed_tells_how(gate, hint, tmp_path, capsys):
     (line,) = capsys.readouterr().err.splitlines()
     assert gate in line and hint in line
     assert not (tmp_path / "s.csv").exists()
+
+
+def huge(made: Estimates, size: float) -> tuple[Estimates, Recording]:
+    """The estimates and their recording with all coordinates of one object at ``size`` [m]."""
+
+    def moved(objects: Objects) -> Objects:
+        state = objects.state.copy()
+        state[0] = size
+        return replace(objects, state=state)
+
+    beside = made.recording
+    truth = replace(beside.truth, objects=moved(beside.truth.objects))
+    far = replace(beside, truth=truth)
+    return replace(made, objects=moved(made.objects), recording=far), far
+
+
+@pytest.mark.parametrize("size", [1e80, 1e160, 1e308])
+@pytest.mark.parametrize("name", NAMES)
+def test_numbers_beyond_reach_are_refused_or_scored(name, size, network):
+    """No error of arithmetic, and nothing that is not a number where there is one."""
+    made = bounded(network, 1) if name in BOUNDS else told(name, 1)
+    plain = echoset.score(made, made.recording, name)
+    try:
+        found = echoset.score(*huge(made, size), name)
+    except InputError as error:
+        assert name in str(error)
+        return
+    assert not np.isinf(found.value).any()
+    assert np.isnan(found.value).sum() <= np.isnan(plain.value).sum()

@@ -100,7 +100,7 @@ def test_nothing_is_cut_off_and_all_can_be_read(
     assert found["content"] <= size[0], "the page itself must not scroll sideways"
     assert found["requests"] == []
     assert found["titles"] == [
-        "Tables", "Plots", "Over time", "Failures and gaps", "Parameters", "Provenance",
+        "Summary", "Plots", "Tables", "Over time", "Failures and gaps", "Parameters", "Provenance",
     ]  # fmt: skip
     assert found["font"] >= 14 and found["cells"] > 100
     assert len(found["ids"]) == len(set(found["ids"]))

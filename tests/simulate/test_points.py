@@ -13,13 +13,14 @@ from echoset.models import registry
 from echoset.models.checks import check
 from echoset.models.errors import ParameterError
 from echoset.models.parameters import resolve
-from echoset.simulate import crossing, many, meeting, moving_platform
+from echoset.simulate import crossing, crowd, many, meeting, moving_platform
 from echoset.simulate.targets import step_noise
 
 SCENARIOS = {
     "crossing": crossing,
     "meeting": meeting,
     "many": many,
+    "crowd": crowd,
     "moving-platform": moving_platform,
 }
 Z = 4.5
@@ -117,7 +118,7 @@ def test_clutter_is_poisson_uniform_and_in_random_places_of_the_scan():
 
 def test_nothing_at_all_is_a_recording():
     for name, scenario in SCENARIOS.items():
-        none = {"targets": 0} if name == "meeting" else {"targets": ()}
+        none = {"targets": 0} if name in ("meeting", "crowd") else {"targets": ()}
         none = {"birth_rate": 0.0, "initial_rate": 0.0} if name == "many" else none
         recording = simulate(scenario, clutter_rate=0.0, **none)
         check(recording)
@@ -273,10 +274,13 @@ def test_a_sector_holds_its_clutter_and_only_the_targets_in_it():
         (crossing, {"noise_density": -1.0}),
         (crossing, {"targets": ((0.0, 0.0, 0.0, 0.0, 5, 4),)}),
         (meeting, {"targets": -1}),
+        (meeting, {"p_detect": 1.5}),
+        (many, {"clutter_rate": -1.0}),
         (meeting, {"spread": -1.0}),
         (meeting, {"last": (0,)}),
         (many, {"p_survive": 1.5}),
         (many, {"birth_rate": -1.0}),
+        (crowd, {"targets": -1}),
         (moving_platform, {"max_range": 0.0}),
         (moving_platform, {"std_azimuth": -0.1}),
         (moving_platform, {"opening_angle": 7.0}),

@@ -14,7 +14,7 @@ pytestmark = [
 def test_all_defaults_estimate_the_range_bias():
     value, error = rmse({})
     print(f"all defaults: {value:.3f} ± {error:.3f} m")
-    assert value <= 0.15
+    assert value <= 0.125
 
 
 def test_ranges_taken_as_calibrated():

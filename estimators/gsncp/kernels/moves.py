@@ -15,8 +15,10 @@ from ....models.records import Array
 from .posterior import (
     ACCEPT,
     ANYWHERE,
+    BALL,
     BIRTH,
     DEATH,
+    DEPTH,
     EXTENTS,
     FLOOR,
     JUMP,
@@ -261,8 +263,8 @@ def table_draw(scene: Scene, births: Births, u: Array, g: Array) -> Array:
     if u[ANYWHERE] < scene.uniform or not len(births.points):
         return np.asarray(scene.lower + u[PLACE : PLACE + 3] * (scene.upper - scene.lower))
     w = np.cumsum(births.weight)
-    j = min(int(np.searchsorted(w, u[PLACE] * w[-1], side="right")), len(w) - 1)
+    j = min(int(np.searchsorted(w, u[BALL] * w[-1], side="right")), len(w) - 1)
     open_ = scene.upper > scene.lower
     n = np.where(open_, g[:3], 0.0)
-    length = births.radius * u[PLACE + 1] ** (1 / open_.sum())
+    length = births.radius * u[DEPTH] ** (1 / open_.sum())
     return np.asarray(births.points[j] + length * n / np.linalg.norm(n))

@@ -9,8 +9,7 @@ eta_km(C) = rho_k(C) N(z_km; c, Sigma_k(c) + E E^T) and Z_km = lambda_c + sum_l 
                     + L log lambda + L log pi_E
 
 if the centres lie in D and at least R apart and the extents in their box. A problem in the plane
-is one in space whose third axis is exact: D is flat there and the third standard deviation of
-every detection is (2 pi)^-1/2, so that its density is one.
+is one in space whose third axis is exact, see :mod:`..plane`: D is flat there.
 
 The functions here define the moves and compute everything anew for each; the twins in
 :mod:`.compiled.posterior` keep Z running and give the same chain for the same random numbers.
@@ -42,9 +41,11 @@ NODES = 2000
 UNIFORMS, NORMALS = 14, 6
 """Random numbers that one move is given."""
 KIND, TARGET, ACCEPT, SEED, ANYWHERE, PLACE, EXTENTS = 0, 1, 2, 3, 4, 5, 8
+BALL, DEPTH = PLACE, PLACE + 1
 """What the uniform ones decide: the kind; the target, or for a jump birth or death; acceptance; the
 detection that a birth is near, or for a jump who dies; whether it is anywhere; from PLACE on three
-for where, and from EXTENTS on six for the extent. The normal ones make steps."""
+for where, or for a jump the BALL of the table and the DEPTH in it; from EXTENTS on six for the
+extent. The normal ones make steps."""
 
 
 class Scene(NamedTuple):

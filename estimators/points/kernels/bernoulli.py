@@ -10,7 +10,7 @@ implementation", IEEE Trans. Aerosp. Electron. Syst. 54 (2018) 1883-1901.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -64,7 +64,8 @@ class Mixture:
 
     A track has a label (T,) and the mean ``start`` (T, dx) of its first detection, NaN before. A
     hypothesis has weight w (G,), falling once pruned, and ``table`` (G, T) has the index in
-    ``local`` that it picks of each track, -1 for none.
+    ``local`` that it picks of each track, -1 for none. ``parent`` (G,) is the hypothesis that it
+    was after the scans before, where nothing else is said itself.
     """
 
     local: Bernoullis
@@ -72,6 +73,11 @@ class Mixture:
     start: Array
     w: Array
     table: Array
+    parent: Array = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def __post_init__(self) -> None:
+        if len(self.parent) != len(self.w):
+            object.__setattr__(self, "parent", np.arange(len(self.w)))
 
     def existence(self) -> Array:
         """Existence (G, T) of every track in every global hypothesis, 0 where absent."""
@@ -94,6 +100,7 @@ def add_tracks(mixture: Mixture, new: Bernoullis, label: Array, free: Array) -> 
         np.concatenate((mixture.start, new.m)),
         mixture.w,
         np.hstack((mixture.table, column)),
+        mixture.parent,
     )
 
 
@@ -101,12 +108,13 @@ def add_tracks(mixture: Mixture, new: Bernoullis, label: Array, free: Array) -> 
 class Association:
     """The best global hypotheses after a scan, before the densities are updated.
 
-    Weight w (G,); the distinct pairs of a Bernoulli ``prior`` (n,) and the ``detection`` (n,) that
-    it takes, -1 for a miss, that occur in them; the table (G, T) of pairs; and ``free`` (G, M),
-    which detections no track takes.
+    Weight w (G,) and hypothesis ``parent`` (G,) before; the distinct pairs of a Bernoulli
+    ``prior`` (n,) and the ``detection`` (n,) that it takes, -1 for a miss, that occur in them; the
+    table (G, T) of pairs; and ``free`` (G, M), which detections no track takes.
     """
 
     w: Array
+    parent: Array
     prior: Array
     detection: Array
     table: Array
@@ -165,7 +173,7 @@ def associate(
     absent = int(len(pairs) > 0 and pairs[0] < 0)
     pairs, index = pairs[absent:], index.reshape(prior.shape) - absent
     return Association(
-        w / w.sum(), pairs // (M + 1), pairs % (M + 1) - 1, index, free[:, :M]
+        w / w.sum(), parent, pairs // (M + 1), pairs % (M + 1) - 1, index, free[:, :M]
     )  # fmt: skip
 
 
@@ -197,8 +205,13 @@ def prune(mixture: Mixture, min_existence: float, max_tracks: int) -> tuple[Mixt
         tracks, all_ = np.sort(tracks[best]), expected[tracks].sum()
         lost = float(all_ - expected[tracks].sum())
     table, same = np.unique(table[:, tracks], axis=0, return_inverse=True)
-    w = np.bincount(same.ravel(), mixture.w, len(table))
+    same = same.ravel()
+    w = np.bincount(same, mixture.w, len(table))
     order = np.argsort(-w, kind="stable")
+    # Of hypotheses that have become one the weightiest tells where it came from.
+    rising = np.argsort(mixture.w, kind="stable")
+    heaviest = np.zeros(len(table), np.int64)
+    heaviest[same[rising]] = rising
     used, index = np.unique(table[order], return_inverse=True)
     absent = int(len(used) > 0 and used[0] < 0)
     pruned = Mixture(
@@ -207,6 +220,7 @@ def prune(mixture: Mixture, min_existence: float, max_tracks: int) -> tuple[Mixt
         mixture.start[tracks],
         w[order],
         index.reshape(len(table), len(tracks)) - absent,
+        mixture.parent[heaviest[order]],
     )
     return pruned, lost
 

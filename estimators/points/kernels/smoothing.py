@@ -20,7 +20,8 @@ class Epoch:
     """The Bernoullis after the scans at ``time_ns``, how they came there: F, noise Q (dx, dx).
 
     ``label`` (T,) are the tracks then, and ``picked`` (T,) which Bernoulli each has in the best
-    hypothesis, -1 for none.
+    hypothesis, -1 for none; ``table`` (G, T) which it has in all hypotheses, and ``parent`` (G,)
+    which hypothesis each was at the time before.
     """
 
     time_ns: int
@@ -29,6 +30,8 @@ class Epoch:
     Q: Array
     label: Array = field(default_factory=lambda: np.zeros(0, np.int64))
     picked: Array = field(default_factory=lambda: np.zeros(0, np.int64))
+    table: Array = field(default_factory=lambda: np.zeros((0, 0), np.int64))
+    parent: Array = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 def ended(epochs: Sequence[Epoch], alive: Array) -> dict[int, list[tuple[int, int]]]:

@@ -2,7 +2,8 @@
 
 A reference has a frame and a clock of its own. At the true position p(t) of the device, an anchor
 at a measures ``d = |R p(t - tau) + s - a| + b``, with a height h between them that the plane does
-not tell and an offset b that all ranges share. Rotation R and shift s (``rigid``), the delay tau
+not tell and an offset b that all ranges share; one of the two alone, if it explains the ranges
+nearly as well, since both make ranges too long. Rotation R and shift s (``rigid``), the delay tau
 (``time``) or all of them (``both``) minimise the soft absolute values of the residuals from many
 beginnings, and then the squares of those that are within four standard deviations, so that ranges
 along detours do not count. The fit takes freedom from the score that follows, and the provenance
@@ -19,13 +20,20 @@ import numpy as np
 
 from ....models.columns import ACTIVE
 from ....models.errors import InputError
+from ....models.poses import FITS, Placement
 from ....models.records import Array, Sensor, Stream, Truth
 
-MODES = ("", "rigid", "time", "both")
+MODES = ("", *FITS)
 _SHIFT = 10.0
 """Largest delay that is looked for [s]."""
 _SOFT = 0.1
 """Residual from which on a range counts less [m]."""
+_HEIGHT, _OFFSET = (4,), (5,)
+"""What is not fitted where a height alone, or an offset alone, explains the ranges."""
+_ALIKE = 1.3
+"""Ratio of typical residuals up to which the simpler explanation will do."""
+_BEGINS = 16
+"""Beginnings, the best of all, that are followed."""
 _LEAST = 30
 """Ranges without which nothing is fitted."""
 
@@ -53,7 +61,9 @@ def align(
         inside = (time >= known[0]) & (time <= known[-1])
     if inside.sum() < _LEAST:
         raise InputError(f"truth: align needs {_LEAST} ranges within the times of the truth")
-    time, distance, anchor = time[inside], distance[inside], anchor[inside]
+    # Times since 1970 have too few digits left for the small steps of a derivative.
+    time, distance, anchor = time[inside] - known[0], distance[inside], anchor[inside]
+    known = known - known[0]
     free = np.array([mode != "time"] * 3 + [mode != "rigid", True, True])
 
     def residuals(values: Array, every: int = 1) -> Array:
@@ -73,38 +83,39 @@ def align(
         for delay in np.arange(-_SHIFT, _SHIFT + 1, 2.0) if mode != "rigid" else [0.0]:
             begins.append(np.array([theta, *shift, delay, 0.0, 1.0])[free])
     said: dict[str, Any] = {"loss": "soft_l1", "f_scale": _SOFT}
+    begins.sort(key=lambda b: float(np.sum(np.sqrt(1 + (residuals(b, every) / _SOFT) ** 2))))
     coarse = [
         least_squares(residuals, b, args=(every,), x_scale="jac", max_nfev=30, **said)
-        for b in begins
+        for b in begins[:_BEGINS]
     ]
-    best = min(coarse, key=lambda fit: float(fit.cost))
-    fit = least_squares(residuals, best.x, x_scale="jac", **said)
-    for _ in range(3):
-        r = residuals(fit.x) - np.median(residuals(fit.x))
-        kept = np.abs(r) <= 4 * 1.4826 * np.median(np.abs(r))
-        fit = least_squares(lambda v, kept=kept: residuals(v)[kept], fit.x, x_scale="jac")
-    theta, x, y, delay, offset, height = _full(fit.x, free)
-    c, s = np.cos(theta), np.sin(theta)
-    state = o.state.copy()
-    for names, moved in ((("device_x", "device_y"), 1), (("x", "y"), 1), (("vx", "vy"), 0)):
-        if names[0] in o.state_names:
-            i, j = (o.state_names.index(name) for name in names)
-            a, b = o.state[:, i], o.state[:, j]
-            state[:, i], state[:, j] = c * a - s * b + moved * x, s * a + c * b + moved * y
+    best = min(coarse, key=lambda fit: float(fit.cost)).x
+    full = _full(best, free)
+    refined = []
+    for alone in (_HEIGHT, _OFFSET, ()):
+        free[4:] = [k not in alone for k in (4, 5)]
+        begin = np.where(np.arange(6) == 5, max(abs(full[5]), 1.0), full)[free]
+        fit = least_squares(residuals, begin, x_scale="jac", **said)
+        for _ in range(3):
+            r = residuals(fit.x) - np.median(residuals(fit.x))
+            kept = np.abs(r) <= 4 * 1.4826 * np.median(np.abs(r))
+            fit = least_squares(lambda v, kept=kept: residuals(v)[kept], fit.x, x_scale="jac")
+        typical = float(np.median(np.abs(residuals(fit.x))))
+        refined.append((typical, int(free.sum()), kept, _full(fit.x, free)))
+    least = min(one[0] for one in refined)
+    typical, count, kept, full = next(o for o in refined if o[0] <= _ALIKE * least)
+    theta, x, y, delay, offset, height = full
+    placement = Placement(*map(float, (theta, x, y, delay)))
     found = {
         "mode": mode,
-        "fitted": int(free.sum()),
+        "fitted": count,
         "ranges": int(kept.sum()),
         "left_out": int((~kept).sum()),
-        "rotation": float((theta + np.pi) % (2 * np.pi) - np.pi),
-        "translation": [float(x), float(y)],
-        "delay": float(delay),
+        **placement.told,
         "range_offset": float(offset),
         "height": float(abs(height)),
-        "median_residual": float(np.median(np.abs(residuals(fit.x)))),
+        "median_residual": typical,
     }
-    ours = replace(o, time_ns=o.time_ns + round(delay * 1e9), state=state)
-    return replace(truth, objects=ours), found
+    return replace(truth, objects=placement.of(o)), found
 
 
 def _full(values: Array, free: Array) -> Array:

@@ -28,9 +28,10 @@ import numpy as np
 from ....models.checks import NAME, check
 from ....models.errors import InputError, ParameterError
 from ....models.parameters import parameter, require, suggestion
+from ....models.poses import said
 from ....models.records import Meta, Recording, Sensor, Stream
 from ....models.registry import parameters
-from . import columns, truth
+from . import columns, geodetic, plausible, truth
 from .align import align
 from .log import Log
 from .mapping import MATLAB, MEASUREMENT, OPTIONAL, UNUSED, Mapping, Tables, load
@@ -68,11 +69,12 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     parts = _parts(content, params.mapping if folder else "")
     mapping = next(iter(parts.values()))
     folder = paths[0].parent if folder is None else folder
-    tables = Tables(folder, mapping, epoch_ns(mapping.epoch))
+    F = axes(mapping.frame, "frame")
+    plane = geodetic.Plane.of(mapping.origin, F)
+    tables = Tables(folder, mapping, epoch_ns(mapping.epoch), plane)
     logs = {
         name: _rows(name, part, paths[0], tables, len(parts) > 1) for name, part in parts.items()
     }
-    F = axes(mapping.frame, "frame")
     true = None if mapping.truth is None else truth.read(mapping.truth, F, tables)
     carried = true is not None and "device_x" in true.objects.state_names
     sensors: dict[str, Sensor] = {}
@@ -97,6 +99,11 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
             raise InputError("truth: align needs one stream of ranges")
         true, aligned = align(true, uwb_streams[0], sensors, mapping.truth["align"])
         _log.warning("%s: the truth was fitted to the ranges: %s", paths[0], _fitted(aligned))
+    plausible.doppler(paths[0], streams)
+    if true is not None:
+        plausible.overlap(paths[0], true, streams)
+        plausible.against_ranges(paths[0], true, streams, sensors)
+        plausible.against_points(paths[0], true, streams, sensors)
     sensors, streams = _named(sensors, streams)
     provenance = {
         "importer": "csv",
@@ -107,7 +114,7 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
         provenance["left_out"] = tables.skipped
     if aligned:
         provenance["truth_aligned"] = aligned
-    meta = Meta(paths[0].stem, mapping.epoch, provenance=provenance)
+    meta = Meta(paths[0].stem, mapping.epoch, origin=plane.text, provenance=provenance)
     recording = Recording(meta, sensors, streams, true)
     check(recording, paths[0])
     return recording
@@ -119,8 +126,8 @@ GENERAL = True
 
 def recognises(path: Path, head: bytes) -> bool:
     """Whether a file, from its first bytes, is a table of text or of MATLAB."""
-    if path.suffix == MATLAB:
-        return True
+    if path.suffix in (MATLAB, ".json"):
+        return path.suffix == MATLAB
     try:
         text = head.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -139,7 +146,7 @@ def _parts(content: dict[str, Any], source: object) -> dict[str, Mapping]:
     common = {key: value for key, value in content.items() if key != "streams"}
     parts = {}
     for name, own in spec.items():
-        for key in ("epoch", "frame", "truth", "streams"):
+        for key in ("epoch", "frame", "origin", "truth", "streams"):
             if key in own:
                 raise ParameterError(f"streams.{name}: {key!r} is common to all streams")
         kind = str(own.get("kind", common.get("kind", "")))
@@ -158,7 +165,8 @@ def _rows(name: str, mapping: Mapping, path: Path, tables: Tables, several: bool
     """The rows of one stream: of the log itself and what continues it, or of files of its own."""
     where = f"streams.{name}.columns" if several else "mapping: columns"
     needed = ("time", *MEASUREMENT[mapping.kind])
-    found = columns.fields(mapping.columns, needed, OPTIONAL[mapping.kind], where)
+    quantities = geodetic.instead(mapping.columns, needed, OPTIONAL[mapping.kind])
+    found = columns.fields(mapping.columns, *quantities, where)
     more = (
         mapping.file if isinstance(mapping.file, list) else [mapping.file] if mapping.file else []
     )
@@ -170,11 +178,7 @@ def _rows(name: str, mapping: Mapping, path: Path, tables: Tables, several: bool
 
 
 def _fitted(found: dict[str, Any]) -> str:
-    x, y = found["translation"]
-    return (
-        f"turned by {np.degrees(found['rotation']):.2f} degrees, shifted by ({x:.3f}, {y:.3f}) m "
-        f"and {found['delay']:.3f} s, {found['fitted']} numbers from {found['ranges']} ranges"
-    )
+    return f"{said(found)}, {found['fitted']} numbers from {found['ranges']} ranges"
 
 
 def _check_model(model: abc.Mapping[str, Any], path: Path) -> None:

@@ -26,7 +26,8 @@ class Log(Table):
     """A table whose columns a mapping names: as text, as indices, or in SI.
 
     ``cell`` (m,) is the index of the column that a row was made of, where one quantity has many;
-    ``skipped`` counts the rows that were left out, by the condition.
+    ``skipped`` counts the rows that were left out, by the condition; ``computed`` (m,) are columns
+    in SI that were made of others.
     """
 
     fields: Mapping[str, Field | TimeField] = field(default_factory=dict)
@@ -36,6 +37,7 @@ class Log(Table):
     epoch: int = 0
     cell: Sequence[int] = ()
     skipped: Mapping[str, int] = field(default_factory=dict)
+    computed: Mapping[str, Array] = field(default_factory=dict)
     comma: ClassVar[str] = "decimals are written with a point, or say decimal: ','"
 
     def __contains__(self, key: str) -> bool:
@@ -77,6 +79,10 @@ class Log(Table):
 
     def values(self, key: str, missing: bool = False) -> Array:
         """The column ``key`` in SI (m,); empty fields are NaN if ``missing``."""
+        if key in self.computed:
+            made = self.computed[key]
+            self.refuse(key, np.isnan(made) & (not missing), "is empty, needs a number")
+            return made
         given = self.fields[key]
         assert isinstance(given, Field)
         read = self.pointed(key).numbers(key, missing)

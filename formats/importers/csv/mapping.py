@@ -14,7 +14,7 @@ from ....models.parameters import require, resolve, shown, suggestion
 from ....models.plain_yaml import parse
 from ..matlab import read_mat
 from ..text import TextFile, read_text
-from . import columns
+from . import columns, geodetic
 from .log import Log
 from .reading import Dialect, Reading
 from .table import read_table
@@ -76,6 +76,7 @@ class Mapping(Reading):
     kind: str = ""
     epoch: str = "1970-01-01T00:00:00Z"
     frame: tuple[str, ...] = ("east", "north", "up")
+    origin: Any = None
     sensor_frame: tuple[str, ...] = ()
     anchors: Any = field(default_factory=dict)
     devices: Any = field(default_factory=dict)
@@ -124,6 +125,7 @@ class Tables:
     folder: Path
     dialect: Dialect
     epoch: int
+    plane: geodetic.Plane
     files: dict[Path, TextFile] = field(default_factory=dict)
     skipped: dict[str, dict[str, int]] = field(default_factory=dict)
 
@@ -150,7 +152,8 @@ class Tables:
         names = reading.file if isinstance(reading.file, list) else [reading.file]
         ok = bool(names) and all(isinstance(name, str) and name for name in names)
         require(ok, f"{where}: file", "the name of a file, or a list of them", reading.file)
-        found = columns.fields(reading.columns, required, optional, f"{where}.columns")
+        names_of = geodetic.instead(reading.columns, required, optional)
+        found = columns.fields(reading.columns, *names_of, f"{where}.columns")
         files = [self.file(self.folder / name) for name in names]
         return self.table(files, reading, found, f"{where}.columns")
 
@@ -174,4 +177,4 @@ class Tables:
         if any(log.skipped.values()):
             part = where.removeprefix("mapping: ").removesuffix("columns").strip(".") or "log"
             self.skipped[part.removeprefix("streams.")] = dict(log.skipped)
-        return log
+        return self.plane.flat(log)

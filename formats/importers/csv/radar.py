@@ -9,6 +9,7 @@ import numpy as np
 from ....models.errors import ParameterError
 from ....models.records import Array, Sensor, Stream
 from ..rows import pad, to_stream
+from . import plausible
 from .log import Log
 from .mapping import MEASUREMENT, Mapping, Tables
 from .poses import sensor
@@ -26,6 +27,10 @@ def radar(
         str(name): sensor(pose, "radar", F, S, tables, f"sensors.{name}")
         for name, pose in mapping.sensors.items()
     }
+    moved = any(p.position.any() or p.quaternion[:, :3].any() for p in sensors.values())
+    if "lat" in table and (moved or mapping.sensor_frame):
+        reason = "detections at lat lon are places: sensors stand at [0, 0], without sensor_frame"
+        raise ParameterError(f"mapping: {reason}")
     names = tuple(sensors)
     parts = [table]
     if mapping.scans is not None:
@@ -40,6 +45,8 @@ def radar(
     )
     time = np.concatenate([part.time() for part in parts])
     table.check_shared(time[: len(table)])
+    plausible.rows(table, time[: len(table)])
+    plausible.scans(table, time, which, mapping.model)
     main = [key for key in (*MEASUREMENT[mapping.kind], "z") if key in table]
     others = [key for key in table.fields if key not in (*main, "time", "scan", "sensor")]
     rows, detected = pad(*table.detections(main, others), len(time) - len(table))

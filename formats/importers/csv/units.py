@@ -21,6 +21,7 @@ _FACTORS: dict[str, dict[str, float]] = {
     "m": _LENGTHS,
     "rad": {"rad": 1.0, "deg": math.pi / 180},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "deg": {"deg": 1.0, "rad": 180 / math.pi},
     "m s-1": {"m/s": 1.0, "km/h": 1 / 3.6, "ft/s": 0.3048, "kn": 1852 / 3600},
     "1": {"1": 1.0},
 }
@@ -38,7 +39,8 @@ _AXES = {
 }
 """Directions: the axis of a recording's frames that they lie on, and their sign there."""
 _STATE = {"yaw": "rad", "vx": "m s-1", "vy": "m s-1", "vz": "m s-1"}
-_STATE |= {"device_x": "m", "device_y": "m", "time": "s"}
+_STATE |= {"device_x": "m", "device_y": "m", "time": "s", "height": "m"}
+_STATE |= dict.fromkeys(("lat", "lon", "device_lat", "device_lon"), "deg")
 
 
 def si_unit(column: str) -> str:

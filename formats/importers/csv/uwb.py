@@ -8,6 +8,7 @@ from ....models.columns import ACTIVE, PASSIVE
 from ....models.errors import ParameterError
 from ....models.records import Array, Sensor, Stream
 from ..rows import pad, to_stream
+from . import plausible
 from .log import Log
 from .mapping import Mapping, Tables
 from .poses import anchors
@@ -45,11 +46,17 @@ def uwb(mapping: Mapping, table: Log, F: Array, tables: Tables, carried: bool, n
     tx, rx = (np.concatenate(column) for column in zip(*ends, strict=True))
     others = [key for key in ("amplitude", "std") if key in table]
     rows, detected = pad(*table.detections(["distance"], others), len(tx) - len(table))
-    table.check_shared(table.time())
+    table.refuse("distance", rows["distance"][: len(table)] < 0, "is negative")
+    own = table.time()
+    table.check_shared(own)
+    plausible.rows(table, own)
+    n = len(table)
+    plausible.links(table, own, tx[:n] * len(nodes) + rx[:n], rows["distance"][:n])
     mode = np.where(tx < len(devices), ACTIVE, PASSIVE).astype(np.uint8)
-    time = np.concatenate([part.time() for part in parts])
+    time = np.concatenate([own, *(part.time() for part in parts[1:])])
     keys = {"mode": mode, "rx": rx, "tx": tx}
     stream = to_stream("uwb", nodes, mapping.model, time, keys, rows, detected)
+    plausible.geometry(table.path, stream, sensors)
     return sensors, {name: stream}
 
 

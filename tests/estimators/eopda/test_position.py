@@ -10,7 +10,7 @@ import pytest
 
 from echoset.estimators.eopda import position
 from echoset.estimators.run import Estimation
-from echoset.models.errors import ParameterError
+from echoset.models.errors import InputError, ParameterError
 from echoset.models.parameters import resolve
 from echoset.models.records import Meta, Recording, Sensor, Stream
 
@@ -97,12 +97,21 @@ def test_after_a_pause_the_device_is_found_again(pause):
     assert np.sqrt(covariance[17:].trace(axis1=1, axis2=2)).max() < 0.5
 
 
-def test_a_device_that_is_carried_off_is_sought_anew():
+def test_a_device_that_has_gone_far_in_a_pause_is_found_again():
+    """Four times as far as in the first second, from which the reach of anchors was guessed."""
+    t = np.concatenate((np.arange(15) * 0.1, 60 + np.arange(15) * 0.1))
+    p = np.repeat([[3.0, 2.0], [-20.0, 14.0]], 15, 0)
+    device, *_ = run(recording(p, t, sigma=0.03), **CALIBRATED)
+    assert np.hypot(*(device - p)[16:].T).max() < 1.0
+
+
+def test_a_device_that_is_carried_off_is_sought_anew(caplog):
     t = np.arange(40) * 0.1
     p = np.where(np.arange(40)[:, None] < 20, [1.0, 1.0], [5.0, 4.5])
     device, _, _, steps, _ = run(recording(p, t), **CALIBRATED)
     assert np.hypot(*(device - p)[30:].T).max() < 0.2
     assert 1 <= steps["sought_anew"].sum() <= 3
+    assert [r.message.count("sought anew") for r in caplog.records] == [1]
     _, _, _, steps, _ = run(recording(walk(t), t), **CALIBRATED)
     assert not steps["sought_anew"].any() and (steps["evidence"][1:] > 0).all()
 
@@ -155,6 +164,35 @@ def test_a_scale_is_found_and_taken_for_one():
     assert abs(last.columns("range_scale")[0, 0] - 0.07) < 0.01 and rmse(device, p) < 1.0
 
 
+def test_late_ranges_are_learnt_and_pull_the_device_less():
+    """A third of the ranges has an exponential detour: it is found, and errors shrink."""
+    t = np.arange(80) * 0.1
+    record = recording(walk(t), t, sigma=0.05)
+    s = record.streams["uwb"]
+    rng = np.random.default_rng(4)
+    detour = np.where(rng.random(320) < 0.33, rng.exponential(0.3, 320), 0.0)
+    rows = {"distance": s.rows["distance"] + detour}
+    record = replace(record, streams={"uwb": replace(s, rows=rows)})
+    gaussian, *_ = run(record, **CALIBRATED)
+    told, *_ = run(record, **CALIBRATED, late=0.33, detour=0.3)
+    assert rmse(told, walk(t)) < 0.8 * rmse(gaussian, walk(t))
+    learnt, *_, found = run(record, range_bias_std=0.0, learn=["rates", "sigma"], particles=500)
+    assert found["late"] > 0 and found["learning_gain"] > 10
+    assert rmse(learnt, walk(t)) < 0.9 * rmse(gaussian, walk(t))
+
+
+def test_an_offset_or_a_scale_where_both_explain_the_ranges():
+    """Equally long ranges, 7 % or 0.35 m: both stay possible, with their probabilities."""
+    t = np.arange(20) * 0.1
+    ring = np.array([[np.cos(a), np.sin(a)] for a in np.arange(5) * 2 * np.pi / 5])
+    record = recording(np.tile([0.0, 0.0], (20, 1)), t, anchors=5 * ring, scale=0.07)
+    either = {"range_bias_std": 0.3, "range_scale_std": 0.07, "range_error": "either"}
+    _, _, last, *_ = run(record, learn=[], range_bias_spread=0.0, **either)
+    offset, scale = last.columns("range_bias", "range_scale")[0]
+    share = scale / 0.07
+    assert 0.05 < share < 0.95 and abs(offset - (1 - share) * 0.35) < 0.03
+
+
 def test_noise_that_is_told_wrong_is_learnt():
     t = np.arange(40) * 0.1
     record = recording(walk(t), t, sigma=0.2)
@@ -168,6 +206,15 @@ def test_two_anchors_or_one_are_said_once(caplog):
         run(recording(walk(t), t, anchors=CORNERS[:2]), **CALIBRATED, particles=200)
         run(recording(walk(t), t, anchors=CORNERS[:1]), **CALIBRATED, particles=200)
     assert ["mirror" in r.message or "ring" in r.message for r in caplog.records] == [True, True]
+
+
+def test_an_offset_that_excludes_the_ranges_is_refused():
+    t = np.arange(5) * 0.1
+    record = recording(walk(t), t)
+    with pytest.raises(
+        InputError, match="range_bias 20 m is more than half of the first 20 ranges"
+    ):
+        run(record, **CALIBRATED | {"range_bias": 20.0})
 
 
 def test_only_what_can_be_learnt_may_be_named():

@@ -13,6 +13,7 @@ from echoset.estimators.gsncp.chain import explore, put
 from echoset.estimators.gsncp.kernels import posterior as gsncp
 from echoset.estimators.gsncp.kernels.compiled import posterior as compiled
 from echoset.estimators.gsncp.output import Labels
+from echoset.estimators.gsncp.scene import epochs, grid
 from echoset.formats.windows import concatenate
 from echoset.metrics import ospa_gw
 from echoset.models import extent
@@ -330,6 +331,53 @@ def test_the_oracle_is_exact_without_noise_and_spread():
     found = run(oracle, replace(recording, streams=streams), {}).objects
     np.testing.assert_allclose(found.state[:, :2], recording.truth.objects.state[:, :2], atol=1e-9)
     np.testing.assert_allclose(found.state[:, [2, 4]], 1.0)
+
+
+def test_the_oracle_is_told_the_covariance_at_every_point_of_reflection():
+    """Its centres are least squares with the covariances that the radar's own formulas give."""
+    params, rng = radar_extended.Params(epochs=1), np.random.default_rng(4)
+    recording = radar_extended.simulate(params, rng, "told")
+    found, truth = run(oracle, recording, {}).objects, recording.truth.objects
+    rng = np.random.default_rng(4)
+    radar_extended.targets(params, rng)
+    z, origin, S = [], [], []
+    for i, (name, s) in enumerate(recording.streams.items()):
+        state = radar_extended.sensor_state(params, i, 0, rng)
+        # The simulator draws the detections of a sensor before it goes on to the next.
+        radar_extended._scan(params, state, truth.state[:, :3], truth.state[:, 3:], rng)
+        mine = s.rows["origin_id"] >= 0
+        rows = {k: v[mine] for k, v in s.rows.items()}
+        points = np.stack([rows[f"origin_{a}"] for a in "xyz"], 1)
+        z.append(recording.sensors[name].position[0] + np.stack([rows[a] for a in "xyz"], 1))
+        S.append(ofdm.covariance(state, points))
+        origin.append(rows["origin_id"])
+    z, origin, S = map(np.concatenate, (z, origin, S))
+    for label, centre in zip(found.label, found.state[:, :3], strict=True):
+        mine = origin == label
+        E = extent.covariance(truth.state[truth.label == label][0, 3:])
+        W = np.linalg.inv(S[mine] + E)
+        expected = np.linalg.solve(W.sum(0), np.einsum("mij,mj->i", W, z[mine]))
+        np.testing.assert_allclose(centre, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("module", [di_gsncp, dbscan])
+def test_every_stream_has_its_own_noise_and_view(module):
+    """Stated by the streams, in either order of their names: neither has the other's."""
+    recording = planar("position")
+    own = {"A": {"std_position": 0.1, "p_detect": 0.9}, "B": {"std_position": 3.0, "p_detect": 0.6}}
+    streams = {k: replace(s, model={**s.model, **own[k]}) for k, s in recording.streams.items()}
+    setup = replace(recording, streams=streams).setup()
+    for names in (("A", "B"), ("B", "A")):
+        renamed = dict(zip(names, (streams["A"], streams["B"]), strict=True))
+        of = replace(setup, streams={k: renamed[k] for k in sorted(renamed)})
+        params = module.resolved(module.Params, of, sensor_model(of, module.Params), ())
+        nodes = grid(params, of)
+        scans = (replace(s, scan={}) for s in replace(recording, streams=of.streams).scans())
+        ((_, states),) = epochs(params, of, list(scans), nodes)
+        for name, state in zip(sorted(renamed), states, strict=True):
+            model = renamed[name].model
+            np.testing.assert_allclose(state.table[..., 0], model["p_detect"])
+            np.testing.assert_allclose(state.table[..., 1], model["std_position"] ** 2)
 
 
 def test_the_first_epoch_starts_from_clusters_too():

@@ -10,6 +10,7 @@ from map_scene import PEDESTRIAN, VEHICLE
 
 from echoset.estimators import mbm, phd
 from echoset.estimators.maps import detector as front
+from echoset.estimators.maps import evidence
 from echoset.estimators.maps.kernels.fusion import Pixels
 from echoset.estimators.maps.pairs import split
 from echoset.estimators.maps.stations import REFERENCE, Station
@@ -143,8 +144,8 @@ def test_the_step_is_a_pure_function(module, scene, network):
         results = [points.step(state, first(scene), context)[0] for _ in range(2)]
     a, b = (getattr(r.mixture, "local", r.mixture) for r in results)
     np.testing.assert_array_equal(a.m, b.m)
-    assert state.next_label == 0 and not state.classes
-    assert results[0].classes.keys() == results[1].classes.keys() != set()
+    assert state.next_label == 0 and not state.memory.classes
+    assert results[0].memory.classes.keys() == results[1].memory.classes.keys() != set()
 
 
 @FILTERS
@@ -332,7 +333,7 @@ def test_the_gate_is_that_of_the_class(scene, network):
     for k in (0, 1):
         told = replace(bright, identify=lambda t, L, x, k=k: np.eye(2)[np.full(len(x), k)])
         sight = told.see(first(scene), np.array([7]), np.zeros((1, 2)), {})
-        assert sight.classes[7].argmax() == k
+        assert evidence.likeliest(sight.classes[7][None]) == [k]
         z[k] = sight.z
     np.testing.assert_allclose(z[0], [[0.2, 0.2], [5.4, 0.4]], atol=1e-9)
     np.testing.assert_allclose(z[1], [(np.array([0.2, 0.2]) + 4 * np.array([5.4, 0.4])) / 5])
@@ -401,16 +402,45 @@ def test_doubles_are_left_out_by_order():
 
 
 def test_memory_of_classes(scene, network):
-    """Log-probabilities fade by the factor; without memory each scan stands alone."""
-    p = np.array([0.8, 0.2])
+    """The mean of the log-odds of all scans, their weights fading; the same again adds nothing."""
     label, where = np.array([3]), np.zeros((1, 2))
-    for memory in (0.0, 0.5):
-        told = replace(chain(scene, network, class_memory=memory), identify=lambda t, L, x: p[None])
+    for readings in ([0.8] * 4, [0.8, 0.3, 0.6, 0.95]):
+        for memory in (0.0, 0.5):
+            told, classes = chain(scene, network, class_memory=memory), {}
+            for k, p in enumerate(readings):
+                one = replace(told, identify=lambda t, L, x, p=p: np.array([[p, 1 - p]]))
+                classes = one.see(first(scene), label, where, classes).classes
+                weight = memory ** np.arange(k, -1, -1.0)
+                log_odds = np.log([q / (1 - q) for q in readings[: k + 1]]) @ weight / weight.sum()
+                found = evidence.probabilities(classes[3][None])[0]
+                np.testing.assert_allclose(found[0], 1 / (1 + np.exp(-log_odds)))
+
+
+def test_shares_of_classes_where_the_radars_stand(scene, network):
+    """By Bayes: odds of the network times those of the shares, once however often it looks."""
+    label, where = np.array([3]), np.array([[-10.0, -8.0]])
+    plain, told = (
+        chain(scene, network, class_memory=0.9, class_prior=prior) for prior in ((), (0.9, 0.1))
+    )
+    odds = []
+    for source in (plain, told):
         classes = {}
-        for k in range(4):
-            classes = told.see(first(scene), label, where, classes).classes
-            odds = 4.0 ** sum(memory**i for i in range(k + 1))
-            np.testing.assert_allclose(np.exp(classes[3]), np.array([odds, 1]) / (odds + 1))
+        for _ in range(5):
+            classes = source.see(first(scene), label, where, classes).classes
+        p = evidence.probabilities(classes[3][None])[0]
+        odds.append(p[0] / p[1])
+    assert odds[1] / odds[0] == pytest.approx(9.0)
+
+
+def test_decisions_are_those_of_the_product():
+    """Whatever was read, the class is that of the faded product of all readings."""
+    rng = np.random.default_rng(3)
+    p = rng.dirichlet([0.5, 0.5], (60, 12))
+    found, product = np.zeros((60, 3)), np.zeros((60, 2))
+    for k in range(12):
+        found = evidence.read(p[:, k], found, 0.9)
+        product = np.log(p[:, k]) + 0.9 * product
+    assert (evidence.likeliest(found) == product.argmax(1)).all()
 
 
 def test_what_was_not_followed_is_looked_at_where_it_is(scene, network):
@@ -423,7 +453,7 @@ def test_what_was_not_followed_is_looked_at_where_it_is(scene, network):
     told = replace(chain(scene, network), identify=identify)
     sight = told.see(first(scene), np.array([1]), np.array([[2.0, 3.0]]), {})
     label, where = np.array([1, 5]), np.array([[2.1, 3.1], [8.0, 9.0]])
-    alive, before = np.array([1, 4, 5]), {4: np.zeros(2), 6: np.zeros(2)}
+    alive, before = np.array([1, 4, 5]), {4: np.zeros(3), 6: np.zeros(3)}
     classes = recognised(sight, label, where, alive, before)
     assert [a.tolist() for a in asked] == [[[2.0, 3.0]], [[8.0, 9.0]]]
     assert classes.keys() == {1, 4, 5}
@@ -480,6 +510,8 @@ def test_missing_weights(module, scene, network, tmp_path, monkeypatch):
         ({"dbscan_points": 0}, "dbscan_points must be at least 1"),
         ({"min_pixels": 0}, "min_pixels must be at least 1"),
         ({"class_memory": 1.0}, r"class_memory must be in \[0, 1\)"),
+        ({"class_prior": [0.5]}, "class_prior must be one share each of pedestrian vehicle"),
+        ({"class_prior": [1.0, 0.0]}, "class_prior must be positive"),
         ({"identify": "oracle"}, "identify must be one of cnn none"),
         ({"identify": "none"}, "gate_vehicle must be gate_pedestrian where nobody tells classes"),
     ],

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from echoset.estimators.points import mbm, phd
+from echoset.estimators.points.context import Context
 
 MODEL = {
     "p_detect": 0.9,
@@ -84,7 +85,7 @@ def test_births_that_are_cut_are_said_and_the_others_keep_their_share(make_recor
     x = np.stack((100.0 * np.arange(10) - 500, np.zeros(10)), 1)
     state = phd.init()
     recording = make_recording([x])
-    context = phd.Context.of(
+    context = Context.of(
         recording.setup(), phd.Params(**MODEL, clutter_rate=1.0, max_births=4, birth_rate=1.0)
     )
     state, _ = phd.step(state, recording.scans(), context)

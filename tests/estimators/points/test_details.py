@@ -12,6 +12,7 @@ from echoset.estimators.points.sensing import SensorParams, look
 from echoset.models.errors import InputError, ParameterError
 from echoset.models.parameters import resolve
 from echoset.models.records import Scan, Sensor
+from echoset.models.regions import polygons
 
 MODEL = {
     "p_detect": 0.9,
@@ -94,7 +95,7 @@ def test_regions_of_a_mixture_by_enumeration():
         for there in product([0, 1], repeat=len(p)):
             chance = np.prod([q if t else 1 - q for q, t in zip(p, there, strict=True)])
             number[sum(there)] += w * chance
-    corners = {"B": mbm.polygons({"B": bounds})["B"]}
+    corners = {"B": polygons({"B": bounds})["B"]}
     found = mbm.regional(x, corners)
     mean = number @ np.arange(4)
     assert found["region_mean_B"][0] == pytest.approx(mean)

@@ -124,7 +124,43 @@ def test_a_target_along_the_edge_is_one(make_recording, module, changes):
         )  # fmt: skip
         shown += [len(s.objects.label) for s in steps[10:]]
         known += [s.steps["cardinality_mean"][0] for s in steps[10:]]
-    # The PHD filter counts the part that may be out of view beside what is detected.
-    most = 2.6 if module is phd else 1.4
-    assert 0.8 < np.mean(shown) < most
-    assert 0.8 < np.mean(known) < most
+    assert 0.8 < np.mean(shown) < 1.4
+    # The PHD filter counts the part that may be out of view beside what is detected: exactly so,
+    # at the time, by integration. It does not carry it on.
+    assert 0.8 < np.mean(known) < (1.7 if module is phd else 1.4)
+
+
+PATHS = {
+    "inside": [ray(EDGE, 60.0 + 2 * k, -3.0) for k in range(40)],
+    "the other side, inwards": [ray(-EDGE, 140.0 - 2 * k, 2.0) for k in range(40)],
+    "still": [ray(EDGE, 100.0, -1.0)] * 40,
+    "along the end in range": [ray(-0.4 + 0.02 * k, 198.0) for k in range(40)],
+    "across, outwards": [ray(EDGE, 100.0, -30.0 + k) for k in range(25)],
+}
+
+
+@FILTERS
+@pytest.mark.parametrize("p_detect", [0.9, 0.6])
+@pytest.mark.parametrize("path", list(PATHS))
+def test_targets_about_the_border_are_found_once(make_recording, module, p_detect, path):
+    """Shown as often as the filter of one target is sure of it: about once, near where it is."""
+    shown, found = [], []
+    for seed in range(2):
+        rng, scans = np.random.default_rng(seed), []
+        for x in PATHS[path]:
+            h = np.array(polar(x))
+            z = [h + rng.normal(size=2) * (2.0, 0.02)] if rng.random() < p_detect else []
+            scans.append(np.reshape(z, (-1, 2)))
+        steps = run(
+            module, recording(make_recording, scans), birth="detections", clutter_rate=1.0,
+            birth_rate=0.05, birth_std_velocity=(3.0, 3.0), std_acceleration=0.2,
+            p_survive=0.99, gate=25.0, p_detect=p_detect,
+        )  # fmt: skip
+        for x, step in list(zip(PATHS[path], steps, strict=True))[10:]:
+            shown.append(len(step.objects.label))
+            far = np.hypot(*(step.objects.state[:, :2] - x).T)
+            found.append(far.min(initial=np.inf) < 15)
+    # Of two looks that miss one after the other the PHD filter forgets; p_detect of them is found.
+    least = min(p_detect, 0.8) if module is phd else 0.8
+    assert least < np.mean(shown) < 1.4
+    assert np.mean(found) > least

@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from echoset.estimators.points import mbm
+from echoset.estimators.points.context import Context
 from echoset.estimators.points.kernels import bernoulli
 from echoset.estimators.points.kernels.compiled import bernoulli as compiled
 from echoset.estimators.points.kernels.smoothing import Epoch, smooth
@@ -56,7 +57,7 @@ def run(recording, **changes):
 
 def states(recording, params):
     """The filter's state after every scan."""
-    context, state = mbm.Context.of(recording.setup(), params), mbm.init()
+    context, state = Context.of(recording.setup(), params), mbm.init()
     for scan in recording.scans():
         state, _ = mbm.step(state, [scan], context)
         yield state
@@ -235,7 +236,7 @@ def test_visibility_is_a_markov_chain_of_two_states(make_recording):
     mixture = bernoulli.add_tracks(state.mixture, start, np.array([0]), np.ones((1, 1), bool))
     state = dataclasses.replace(state, mixture=mixture, time_ns=-1_000_000_000)
     recording = make_recording([np.zeros((0, 2))] * 4)
-    context = mbm.Context.of(recording.setup(), params)
+    context = Context.of(recording.setup(), params)
     # States: visible, hidden, gone; five missed detections, the chain by its matrix exponential.
     both = np.exp(-0.5)
     stay = np.array([[0.4 + 0.6 * both, 0.6 - 0.6 * both], [0.4 - 0.4 * both, 0.6 + 0.4 * both]])

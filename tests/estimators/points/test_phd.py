@@ -9,8 +9,10 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from echoset.estimators.points import phd
+from echoset.estimators.points.context import Context
+from echoset.estimators.points.phd_filter import Mixture
 from echoset.estimators.points.sensing import expected, look
-from echoset.estimators.points.streams import resolved
+from echoset.estimators.points.streams import per_stream, resolved
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
 from echoset.models.parameters import resolve, sensor_model
@@ -41,7 +43,7 @@ def run(recording, **changes):
 
 def mixtures(recording, params):
     """The filter's reduced mixture after every scan."""
-    context, state = phd.Context.of(recording.setup(), params), phd.init()
+    context, state = Context.of(recording.setup(), params), phd.init()
     for scan in recording.scans():
         state, _ = phd.step(state, [scan], context)
         yield state.mixture
@@ -118,7 +120,7 @@ def test_certain_detection_of_one_target_is_the_kalman_filter(make_recording):
     birth = (1.0, 0.0, 0.0, 1.0, 1.0, 5.0, 5.0, 2.0, 2.0)
     never = {"p_detect": 1.0, "clutter_rate": 0.0, "p_survive": 1.0, "std_position": 1.5}
     params = phd.Params(**{**BASE, **never, "birth_components": (birth,)})
-    context = phd.Context.of(make_recording([]).setup(), params)
+    context = Context.of(make_recording([]).setup(), params)
     only_once = dataclasses.replace(params, birth_components=())
     later = dataclasses.replace(context, params=only_once)
     m, P = np.array(birth[1:5]), np.diag(np.square(birth[5:]))
@@ -280,7 +282,7 @@ def test_variants(make_recording):
 
 def test_reduction_caps_before_merging_and_merges_by_distance(make_recording):
     w, m = np.array([0.9, 0.8, 0.1]), np.array([[0, 0, 0, 0], [9, 0, 0, 0], [0.5, 0, 0, 0]], float)
-    x = phd.Mixture(w, m, np.tile(0.01 * np.eye(4), (3, 1, 1)), np.arange(3))
+    x = Mixture(w, m, np.tile(0.01 * np.eye(4), (3, 1, 1)), np.arange(3))
     merged = {**BASE, "merge_by": "none", "merge_distance": 1.0, "max_components": 2}
     assert phd.reduce(x, phd.Params(**merged))[0].w == pytest.approx([1.0, 0.8])
     first = phd.Params(**merged, cap_before_merge=True)
@@ -300,16 +302,16 @@ def test_two_sensors_with_models_of_their_own(make_recording):
     )
     rest = {k: v for k, v in BASE.items() if k not in ("p_detect", "std_position")}
 
-    def per_stream(**changes):
+    def resolve_with(**changes):
         layers = (("rest", rest), ("--set", changes))
         stated = sensor_model(both, phd.Params)
-        return phd.per_stream(resolved(phd.Params, both, stated, layers), both)
+        return per_stream(resolved(phd.Params, both, stated, layers), both)
 
-    own = per_stream()
+    own = resolve_with()
     assert (own["mast"].p_detect, own["radar"].p_detect) == (0.5, 0.9)
     for p in (0.5, 0.9, 0.90001):
-        assert {v.p_detect for v in per_stream(p_detect=p).values()} == {p}
-    said = per_stream(p_detect=0.7, sensors={"mast": {"std_position": 3}})
+        assert {v.p_detect for v in resolve_with(p_detect=p).values()} == {p}
+    said = resolve_with(p_detect=0.7, sensors={"mast": {"std_position": 3}})
     assert (said["mast"].p_detect, said["mast"].std_position) == (0.7, 3.0)
     steps = run(both, merge_by="leader", sensors={"mast": {"p_detect": 0.5, "std_position": 2.0}})
     assert len(steps) == 5

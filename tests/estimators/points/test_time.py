@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from echoset.estimators.points import mbm, phd
+from echoset.estimators.points.context import Context
 from echoset.estimators.points.targets import Interval, TargetParams, elapse, newborn, settled
 from echoset.models.motion import white_acceleration
 
@@ -78,7 +79,7 @@ def test_births_at_detections_are_those_of_the_gap_before(make_recording):
     """Ten steps before the second scan, one after it."""
     recording = at_times(make_recording, [0, 10, 11], [[], [[0.0, 0.0]], []])
     params = phd.Params(**BASE, birth_rate=0.02, time_unit=1.0, p_survive=0.9)
-    context, state = phd.Context.of(recording.setup(), params), phd.init()
+    context, state = Context.of(recording.setup(), params), phd.init()
     waiting = []
     for scan in recording.scans():
         state, _ = phd.step(state, [scan], context)

@@ -69,14 +69,19 @@ def test_name_provenance_and_parameters(tmp_path: Path):
 
 
 BROKEN = {
-    "line 2: range2 has 7 fields, needs 8": "\nrange2 1 2 0.01 0 0 a",
+    "line 2: range2 has 6 fields, needs 8": "\nrange2 1 2 0.01 0 0",
     "line 1: 'range3' is not one of range2": "range3 1 2 0.01 0 0 a 0",
     "line 1: 'abc' is not a finite number": "range2 abc 2 0.01 0 0 a 0",
     "line 1: 'nan' is not a finite number": "range2 1 nan 0.01 0 0 a 0",
     "line 1: '1e999' is not a finite number": "range2 1 2 1e999 0 0 a 0",
     "line 1: '2,5' is not a finite number: decimals are": "range2 1 2,5 0.01 0 0 a 0",
     "line 1: '1e300' s is beyond": "range2 1e300 2 0.01 0 0 a 0",
-    "line 2: the range is negative": "range2 1 2 1 0 0 a 0\nrange2 2 -2 1 0 0 a 0",
+    "line 2: the distance of a wheel": "range2 1 2 1 0 0 a 0\nodom2diff 1 0 0 0 0 1 1 1",
+    "line 3: a second odometry": "range2 1 2 1 0 0 a\n" + 2 * "odom2 1 0 0 0 1 1 1\n",
+    "line 1: there are wheels already": (
+        "odom2 1 0 0 0 1 1 1\nodom2diff 1 0 0 0 1 1 1 1\nrange2 1 2 1 0 0 a"
+    ),
+    "line 1: odom2 has 4 fields, needs 8": "odom2 1 0 0\nrange2 1 2 1 0 0 a",
     "line 1: the variance is not positive": "range2 1 2 0 0 0 a 0",
     "line 2: the anchor has moved": "range2 1 2 1 0 0 a 0\nrange2 2 2 1 0 0.1 a 0",
     "line 3: a second range of this": "range2 1 2 1 0 0 a 0\n\nrange2 1 3 1 0 0 a 0",
@@ -104,8 +109,10 @@ def test_broken_points_and_missing_files(tmp_path: Path):
         labyrinth.read([tmp_path / "nowhere.txt"], labyrinth.Params())
     with pytest.raises(InputError, match="there are no ranges"):
         read(tmp_path, POINTS)
-    with pytest.raises(FormatError, match="Indoor_UWB_Input"):
-        labyrinth.read([tmp_path], labyrinth.Params())
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    with pytest.raises(FormatError, match="begins as those of libRSF"):
+        labyrinth.read([empty], labyrinth.Params())
 
 
 def test_the_measured_log():
@@ -127,5 +134,68 @@ def test_the_measured_log():
     state = log.truth.objects.state
     assert state[0].tolist() == [1.65205474853516, 2.2191780090332]
     assert state[-1].tolist() == [0.1763950791323, 0.354996161516054]
-    whole = labyrinth.read([folder / name for name in labyrinth.FOLDER], labyrinth.Params())
+    names = ("Indoor_UWB_GT.txt", "Indoor_UWB_Input.txt")
+    whole = labyrinth.read([folder / name for name in names], labyrinth.Params())
     assert whole.meta.provenance == log.meta.provenance
+    moved = log.streams["odometry"]
+    assert len(moved) == 233
+    # dead reckoning alone, laid over the truth, is off by centimetres
+    dt = np.diff(moved.time_ns, prepend=0) * 1e-9
+    turn = moved.scan["turn_rate"] * dt
+    way = np.cumsum(moved.scan["velocity_x"] * dt * np.exp(1j * (np.cumsum(turn) - turn)))
+    true = state[:, 0] + 1j * state[:, 1]
+    a, b = true - true.mean(), way - way.mean()
+    across = (a * b.conj()).sum()
+    off = a - across / abs(across) * b
+    assert np.sqrt((abs(off) ** 2).mean()) < 0.1
+
+
+def test_all_kinds_of_lines_are_read_from_files_of_any_name(tmp_path: Path):
+    (tmp_path / "a walk.txt").write_text(
+        "odom2 1 2.0 0.5 0.1 0.04 0.09 0.01\n"
+        "odom2 2 1.0 0.0 -0.1 0.04 0.09 0.01\n"
+        "angle 2 0.25 0.04\n"
+        "angle 3 0.5 0.04\n"
+        + "".join(f"range2 {t} {t + j}.5 0.25 {j} {j * j} {j}\n" for t in (1, 2) for j in range(8))
+        + "range2 2.5 -0.3 0.25 0 0 0\n"
+    )
+    (tmp_path / "b.txt").write_text("point2 1 0 0 0 0 0 0\n")
+    (tmp_path / "c.txt").write_text("notes of the day\n")
+    log = labyrinth.read([tmp_path], labyrinth.Params())
+    assert log.meta.name == "a walk"
+    assert len(log.streams["uwb"]) == 16
+    assert log.meta.provenance["left_out"] == {"range2": {"range < 0": 1}}
+    moved = log.streams["odometry"]
+    assert moved.model == {"turn": "after"}
+    nan = np.nan
+    expected = {
+        "velocity_x": [2.0, 1.0, nan],
+        "velocity_y": [0.5, 0.0, nan],
+        "turn_rate": [0.1, -0.1, nan],
+        "std_velocity_x": [0.2, 0.2, nan],
+        "std_velocity_y": [0.3, 0.3, nan],
+        "std_turn_rate": [0.1, 0.1, nan],
+        "heading": [nan, 0.25, 0.5],
+        "std_heading": [nan, 0.2, 0.2],
+    }
+    assert moved.scan.keys() == expected.keys()
+    for name, values in expected.items():
+        np.testing.assert_allclose(moved.scan[name], values, rtol=1e-12)
+    assert log.truth is not None
+
+
+def test_wheels_are_velocity_and_turn_rate(tmp_path: Path):
+    line = "odom2diff 1 0.3 0.5 0.05 0.1 0.0001 0.0003 0.0004\n"
+    log = read(tmp_path, line + "range2 1 2 1 0 0 a 0")
+    scan = log.streams["odometry"].scan
+    found = {name: float(values[0]) for name, values in scan.items()}
+    assert found == pytest.approx(
+        {
+            "velocity_x": 0.4,
+            "velocity_y": 0.05,
+            "turn_rate": 0.2 / (2 * 0.1),
+            "std_velocity_x": 0.01,
+            "std_velocity_y": 0.02,
+            "std_turn_rate": 0.02 / (2 * 0.1),
+        }
+    )

@@ -203,3 +203,29 @@ def test_pixels_of_maps(value: float, message: str):
     power = np.ones((2, 3, 4), np.float32)
     power[1, 2, 3] = value
     refused(maps(scan={"map": power}), rf"scan/map\[1, 2, 3\]: .* {message}")
+
+
+def tables(P: np.ndarray, **changes: Any) -> Stream:
+    """A stream that states the covariance P (2, n, 3, 3) of each scan at n nodes."""
+    upper = [(i, j) for i in range(3) for j in range(i, 3)]
+    model = {f"cov_{'xyz'[i]}{'xyz'[j]}_table": P[..., i, j] for i, j in upper}
+    return stream("position", {a: np.ones(3) for a in "xyz"}, model={**model, **changes})
+
+
+def test_covariances_in_tables():
+    """Semidefinite is what no weighted sum has a negative variance of."""
+    line = np.array([1.0, 2.0, -3.0])
+    P = np.tile(np.eye(3), (2, 4, 1, 1))
+    P[0, 1], P[1, 2] = np.outer(line, line), np.zeros((3, 3))
+    check_stream(tables(P), SENSORS, "r")
+    bad = P.copy()
+    bad[1, 3] = np.eye(3) - 0.1 * np.outer(line, line)
+    assert line @ bad[1, 3] @ line < 0
+    refused(tables(bad), r"model/cov_xx_table\[1, 3\]: .* not semidefinite")
+    refused(tables(P, cov_zz_table=np.ones((2, 3))), r"model/cov_zz_table: must be numbers in the")
+    whole = dict(tables(P).model)
+    del whole["cov_yz_table"]
+    lacking = replace(tables(P), model=whole)
+    refused(lacking, r"model: 'cov_yz_table' is missing")
+    plane = {k: v for k, v in whole.items() if "z" not in k}
+    check_stream(replace(tables(P), model=plane), SENSORS, "r")

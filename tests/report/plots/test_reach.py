@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from echoset.metrics.kit.table import rows
 from echoset.models.errors import InputError
 from echoset.models.records import Estimates, Meta, Objects, Recording, Truth
 from echoset.report import plots
@@ -48,3 +49,28 @@ def test_long_scene_is_thinned_and_says_so():
     figure = plots.figure("scene", Inputs(recordings=(recording,), estimates=(estimates,)))
     data = draw.save(figure, "svg", {})
     assert len(data) < 4e6 and b"objects at one of 6 times" in data
+
+
+def test_long_lines_are_thinned_to_what_they_stand_for():
+    """36,000 times: 18 become one, the root of whose mean square is known by hand."""
+    n = 36_000
+    time, value = np.arange(n) / 10.0, np.where(np.arange(n) % 18 == 0, 3.0, 0.0)
+    table = rows(("s-*", "e", "rmse", "device"), time, value, 9, 0.01)
+    figure = plots.figure("rmse", Inputs(scores=table, pooled=table))
+    (drawn,) = (x for x in figure.axes[0].lines if x.get_label() == "e")
+    assert len(drawn.get_ydata()) == 2000
+    np.testing.assert_allclose(drawn.get_ydata(), np.sqrt(9 / 18))
+    np.testing.assert_allclose(drawn.get_xdata()[:2], [0.85, 2.65])
+    data = draw.save(figure, "svg", {})
+    assert len(data) < 1e6 and b"over 18 times each" in data
+    one = np.ones(n, np.int64)
+    counted = Objects(
+        np.arange(n) * 10**8, np.arange(n + 1), one, ("x", "y"), ("m", "m"), np.zeros((n, 2))
+    )
+    steps = {"cardinality_mean": value, "cardinality_variance": one * 4.0}
+    estimates = Estimates(Meta("r", provenance={"estimator": "e"}), counted, steps)
+    figure = plots.figure("cardinality", Inputs(estimates=(estimates,)))
+    (drawn,) = (x for x in figure.axes[0].lines if x.get_label() == "e")
+    np.testing.assert_allclose(drawn.get_ydata(), np.full(2000, 3.0 / 18))
+    data = draw.save(figure, "svg", {})
+    assert len(data) < 1e6 and b"means over 18 times" in data

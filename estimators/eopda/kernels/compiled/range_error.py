@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from math import log, pi, sqrt
+from math import erfc, exp, log, pi, sqrt
 
 import numpy as np
 from numba import njit
 
 from .....models.records import Array
 from ....kernels.compiled.gauss import FAST, exp_negative
+from ..range_error import LARGE
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -39,6 +40,8 @@ def direct(
     covariance: Array,
     floor: float,
     los: float,
+    late: float,
+    detour: float,
 ) -> tuple[Array, Array, Array]:
     """Log-likelihood (N,) of active links, and mean and covariance of theta after them."""
     N, D = mean.shape
@@ -58,14 +61,28 @@ def direct(
                         K[k] = covariance[i, k, 0] * d + covariance[i, k, 1 + j]
                     S += d * K[0] + K[1 + j]
                     nu -= d * mean[i, 0] + mean[i, 1 + j]
-                g = los * exp_negative(nu * nu / (2 * S)) / sqrt(2 * pi * S)
-                log_l[i] += log(floor + g)
+                g = exp_negative(nu * nu / (2 * S)) / sqrt(2 * pi * S)
+                f = exponential(nu, S, detour) if late > 0 else 0.0
+                Z = floor + los * g + late * f
+                log_l[i] += log(Z)
                 if D > 0:
-                    r = g / (floor + g)
-                    gain = r * nu / S
-                    shrink = r / S - r * (1 - r) * (nu / S) ** 2
+                    slope = (late * (g - f) / detour - los * nu / S * g) / Z
+                    bend = los * ((nu / S) ** 2 - 1 / S) * g
+                    bend -= late * (nu / S * g + (g - f) / detour) / detour
+                    shrink = slope * slope - bend / Z
                     for k in range(D):
-                        mean[i, k] += gain * K[k]
+                        mean[i, k] -= slope * K[k]
                         for m in range(D):
                             covariance[i, k, m] -= shrink * K[k] * K[m]
     return log_l, mean, covariance
+
+
+@njit(cache=True, error_model="numpy")
+def exponential(nu: float, S: float, detour: float) -> float:
+    """Density [1/m] of the sum of a Gaussian of variance ``S`` and an exponential length."""
+    x = (S / detour - nu) / sqrt(2 * S)
+    if x < LARGE:
+        return exp(S / (2 * detour**2) - nu / detour) * erfc(x) / (2 * detour)
+    y = 1 / (2 * x * x)
+    tail = (1 - y * (1 - 3 * y * (1 - 5 * y))) / (x * sqrt(pi))
+    return exp(-nu * nu / (2 * S)) * tail / (2 * detour)

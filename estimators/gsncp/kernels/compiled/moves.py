@@ -16,8 +16,10 @@ from .....models.records import Array
 from ..posterior import (
     ACCEPT,
     ANYWHERE,
+    BALL,
     BIRTH,
     DEATH,
+    DEPTH,
     EXTENT,
     EXTENTS,
     FLOOR,
@@ -279,7 +281,7 @@ def table_draw(scene: Scene, births: Births, u: Array, g: Array, c: Array) -> No
     total = 0.0
     for j in range(J):
         total += births.weight[j]
-    rest, j = u[PLACE] * total, 0
+    rest, j = u[BALL] * total, 0
     while j < J - 1:
         rest -= births.weight[j]
         if rest < 0:
@@ -289,7 +291,7 @@ def table_draw(scene: Scene, births: Births, u: Array, g: Array, c: Array) -> No
     for a in range(3):
         if scene.upper[a] > scene.lower[a]:
             norm += g[a] * g[a]
-    length = births.radius * u[PLACE + 1] ** (1 / dimension(scene)) / sqrt(norm)
+    length = births.radius * u[DEPTH] ** (1 / dimension(scene)) / sqrt(norm)
     for a in range(3):
         c[a] = births.points[j, a]
         if scene.upper[a] > scene.lower[a]:
@@ -315,6 +317,21 @@ def dying(L: int, rates: Rates, total: float, u: Array) -> int:
             break
         l += 1
     return l
+
+
+@njit(cache=True, error_model="numpy")
+def jumper(
+    scene: Scene, state: State, births: Births, clutter: float, u: Array, rates: Rates
+) -> tuple[int, float]:
+    """The target that a jump takes away, or the place after the last where one is born.
+
+    And the logarithm of the death rates' sum, which with that of the births decides it.
+    """
+    rates.Z[:] = clutter + state.shot
+    deaths = log_deaths(scene, state, rates.Z, clutter, _NONE, rates.few)
+    if log(u[TARGET]) < births.log_total - log_add(births.log_total, deaths):
+        return state.size[0], deaths
+    return dying(state.size[0], rates, deaths, u), deaths
 
 
 @njit(cache=True, error_model="numpy")
@@ -424,12 +441,8 @@ def chain(
         # what is replaced: target l, or for a birth the empty place after the last
         l, born, dies, deaths = min(int(u[TARGET] * L), L - 1), kind == BIRTH, kind == DEATH, 0.0
         if kind == JUMP:
-            rates.Z[:] = clutter + state.shot
-            deaths = log_deaths(scene, state, rates.Z, clutter, _NONE, rates.few)
-            born = log(u[TARGET]) < births.log_total - log_add(births.log_total, deaths)
-            dies = not born
-            if dies:
-                l = dying(L, rates, deaths, u)
+            l, deaths = jumper(scene, state, births, clutter, u, rates)
+            born, dies = l == L, l < L
         if born:
             l = L
         if (born and room == L) or (not born and L == 0):

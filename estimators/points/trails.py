@@ -1,0 +1,92 @@
+"""Smoothing of labelled Bernoullis along their trails: means and covariances, existence, classes.
+
+The moments by H. E. Rauch, F. Tung and C. T. Striebel, "Maximum likelihood estimates of linear
+dynamic systems", AIAA Journal 3 (1965) 1445-1450. That a target exists at a time is at least as
+probable as that it exists at any later one: it appears once. So a trail reaches back to the first
+detection that began it, and ends where existence falls for good.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...models.parameters import parameter
+from ...models.records import Array
+from ..kernels.passes import SmoothParams
+from .modes import Way
+from .source import Classes
+
+
+# Without slots: classes that have some cannot be composed.
+@dataclass(frozen=True)
+class TrailParams(SmoothParams):
+    """How long estimates wait for what comes, and which are shown then."""
+
+    TITLE = "smoothing"
+
+    extract_smoothed: float = parameter(
+        0.95,
+        "1",
+        "smoothed: least existence, then or later, of what is extracted; more than for a filter, "
+        "since it is the largest of many",
+        within="[0, 1)",
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trail:
+    """T Bernoullis at ``time_ns`` by label (T,), rising: r (T,), m (T, dx), P (T, dx, dx).
+
+    F and Q (dx, dx) are the motion from the time before, or ``way`` of those that manoeuvre;
+    ``classes`` are those of targets that are known then or later.
+    """
+
+    time_ns: int
+    label: Array
+    r: Array
+    m: Array
+    P: Array
+    F: Array
+    Q: Array
+    classes: Classes = field(default_factory=dict)
+    way: Way | None = None
+
+
+def back(later: Trail | None, now: Trail) -> Trail:
+    """What is known of those ``now`` given what is known ``later``, the next time."""
+    if later is None:
+        return now
+    at = np.searchsorted(later.label, now.label)
+    known = np.append(later.label, -1)[at] == now.label
+    here, there = np.flatnonzero(known), at[known]
+    r, m, P = now.r.copy(), now.m.copy(), now.P.copy()
+    r[here] = np.maximum(r[here], later.r[there])
+    ahead = later.m[there], later.P[there]
+    if later.way is None:
+        m[here], P[here] = smooth(m[here], P[here], *ahead, later.F, later.Q)
+    else:
+        came = np.searchsorted(later.way.label, now.label[here])
+        gain = later.way.gain[came]
+        m[here] += (gain @ (ahead[0] - later.way.m[came])[..., None])[..., 0]
+        change = gain @ (ahead[1] - later.way.P[came]) @ gain.swapaxes(1, 2)
+        P[here] += (change + change.swapaxes(1, 2)) / 2
+    alive = set(now.label.tolist())
+    kept: Mapping[int, Array] = {l: p for l, p in later.classes.items() if l in alive}
+    return replace(now, r=r, m=m, P=P, classes={**now.classes, **kept})
+
+
+def smooth(
+    m: Array, P: Array, m_later: Array, P_later: Array, F: Array, Q: Array
+) -> tuple[Array, Array]:
+    """Means (k, dx) and covariances (k, dx, dx) given those that are smoothed a step later."""
+    if not len(m):
+        return m, P
+    FP = F @ P
+    predicted = FP @ F.T + Q
+    gain = np.linalg.solve(predicted, FP).swapaxes(1, 2)
+    m = m + (gain @ (m_later - m @ F.T)[..., None])[..., 0]
+    P = P + gain @ (P_later - predicted) @ gain.swapaxes(1, 2)
+    return m, (P + P.swapaxes(1, 2)) / 2

@@ -1,0 +1,184 @@
+"""Smoothed trajectories of the best global hypothesis against least squares and enumeration."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from echoset.estimators.points import mbm
+from echoset.estimators.points.kernels import bernoulli
+from echoset.models.motion import constant_velocity, white_acceleration
+
+SIGMA, DENSITY = 1.0, 0.3
+F, Q, H = constant_velocity(1.0)[0], DENSITY * white_acceleration(1.0), np.eye(2, 4)
+BIRTHS = (
+    (1.0, 50.0, 50.0, 1.0, -1.0, 3.0, 3.0, 1.0, 1.0),
+    (1.0, 51.0, 46.0, 0.8, 0.5, 3.0, 3.0, 1.0, 1.0),
+)
+BASE = {
+    "p_detect": 1.0,
+    "clutter_rate": 0.0,
+    "clutter_region": (-500.0, 500.0, -500.0, 500.0),
+    "std_position": SIGMA,
+    "p_survive": 1.0,
+    "birth": "components",
+    "gate": 1e9,
+    "acceleration_density": DENSITY,
+    "merge_distance": 0.0,
+}
+
+
+def joint(Z, birth):
+    """Means (n, 4) and covariances of all states by one linear system, and the log evidence."""
+    n = len(Z)
+    m, P = np.array(birth[1:5]), np.diag(np.square(birth[5:]))
+    means, S = [m], np.zeros((4 * n, 4 * n))
+    S[:4, :4] = P
+    for k in range(1, n):
+        means.append(F @ means[-1])
+        now, before = slice(4 * k, 4 * k + 4), slice(4 * k - 4, 4 * k)
+        S[now, : 4 * k] = F @ S[before, : 4 * k]
+        S[: 4 * k, now] = S[now, : 4 * k].T
+        S[now, now] = F @ S[before, before] @ F.T + Q
+    x = np.concatenate(means)
+    C = np.kron(np.eye(n), H)
+    V = C @ S @ C.T + SIGMA**2 * np.eye(2 * n)
+    e = np.ravel(Z) - C @ x
+    log_l = -0.5 * (e @ np.linalg.solve(V, e) + np.linalg.slogdet(2 * np.pi * V)[1])
+    K = S @ C.T @ np.linalg.inv(V)
+    x, S = (x + K @ e).reshape(n, 4), S - K @ C @ S
+    return x, np.array([S[4 * k : 4 * k + 4, 4 * k : 4 * k + 4] for k in range(n)]), log_l
+
+
+def path(rng, birth, n):
+    x, L = np.array(birth[1:5]), np.linalg.cholesky(Q)
+    for _ in range(n):
+        yield x[:2] + SIGMA * rng.normal(size=2)
+        x = F @ x + L @ rng.normal(size=4)
+
+
+def run(recording, **changes):
+    params = mbm.Params(**{**BASE, **changes})
+    return list(mbm.estimate(recording.setup(), recording.scans(), params, None))
+
+
+def first_scan_only(monkeypatch):
+    """Births at the first scan alone."""
+    whole = mbm.predict
+
+    def predict(state, params, time_ns):
+        births = params.birth_components if state.time_ns is None else ()
+        return whole(state, mbm.replace(params, birth_components=births), time_ns)
+
+    monkeypatch.setattr(mbm, "predict", predict)
+
+
+@pytest.mark.parametrize("poisson", [False, True])
+def test_one_target_without_clutter_is_the_smoother(make_recording, monkeypatch, poisson):
+    first_scan_only(monkeypatch)
+    Z = list(path(np.random.default_rng(1), BIRTHS[0], 12))
+    births = BIRTHS[:1]
+    found = run(make_recording([z[None] for z in Z]), birth_components=births, smooth="whole",
+                poisson=poisson)  # fmt: skip
+    x, P, _ = joint(Z, BIRTHS[0])
+    for k, one in enumerate(found):
+        assert len(one.objects.label) == 1
+        np.testing.assert_allclose(one.objects.state[0], x[k], atol=1e-9)
+        np.testing.assert_allclose(one.objects.covariance[0], P[k], atol=1e-9)
+
+
+def test_two_targets_that_cross_by_enumeration_over_the_recording(make_recording, monkeypatch):
+    """Of all 2^8 ways to give out the detections the likeliest, each target smoothed in it."""
+    first_scan_only(monkeypatch)
+    swapped = 0
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        Z = np.stack([list(path(rng, birth, 8)) for birth in BIRTHS], 1)
+        best = max(
+            product([0, 1], repeat=8),
+            key=lambda s, Z=Z: sum(
+                joint([Z[k, g ^ i] for k, g in enumerate(s)], BIRTHS[i])[2] for i in (0, 1)
+            ),
+        )
+        swapped += len(set(best)) > 1
+        found = run(
+            make_recording(Z), birth_components=BIRTHS, smooth="whole",
+            max_hypotheses=1000, min_weight=1e-200, min_existence=0.0,
+        )  # fmt: skip
+        paths = [joint([Z[k, g ^ i] for k, g in enumerate(best)], BIRTHS[i])[0] for i in (0, 1)]
+        for k, one in enumerate(found):
+            mine = one.objects.state[np.argsort(one.objects.label)]
+            np.testing.assert_allclose(mine, np.stack(paths)[:, k], atol=1e-8)
+    assert swapped
+
+
+def test_the_dead_stay_with_their_hypothesis(make_recording):
+    """One target dies at half time among clutter: it is there until then, under one label."""
+    rng = np.random.default_rng(5)
+    Z, birth = list(path(rng, BIRTHS[0], 10)), (0.1, *BIRTHS[0][1:])
+    clutter = [rng.uniform(0, 100, (3, 2)) for _ in range(30)]
+    scans = [np.vstack((Z[k][None], clutter[k])) if k < 10 else clutter[k] for k in range(30)]
+    found = run(
+        make_recording(scans), birth_components=(birth,), smooth="whole", p_detect=0.9,
+        p_survive=0.95, clutter_rate=3.0, clutter_region=(0.0, 100.0, 0.0, 100.0), poisson=True,
+        gate=20.0,
+    )  # fmt: skip
+    assert [len(one.objects.label) for one in found] == [1] * 10 + [0] * 20
+    assert len({one.objects.label[0] for one in found[:10]}) == 1
+    x, *_ = joint(Z, birth)
+    mine = np.array([one.objects.state[0, :2] for one in found[:10]])
+    assert np.abs(mine - x[:, :2]).max() < 0.5
+
+
+def test_tracks_are_followed_back_before_their_first_detection_if_wanted(make_recording):
+    Z = list(path(np.random.default_rng(6), BIRTHS[0], 12))
+    scans = [z[None] if k >= 4 else np.zeros((0, 2)) for k, z in enumerate(Z)]
+    changes = {"birth": "detections", "poisson": True, "clutter_rate": 0.1, "p_detect": 0.9}
+    for retrodict, first in ((0.0, 4), (2.0, 2), (9.0, 0)):
+        found = run(make_recording(scans), smooth="whole", retrodict=retrodict, **changes)
+        assert [len(one.objects.label) for one in found] == [0] * first + [1] * (12 - first)
+
+
+def test_a_lag_by_either_name(make_recording):
+    rng = np.random.default_rng(7)
+    Z = [np.vstack((z[None], rng.uniform(0, 100, (2, 2)))) for z in path(rng, BIRTHS[0], 12)]
+    changes = {"birth": "detections", "poisson": True, "clutter_rate": 2.0, "p_detect": 0.9}
+    one, other = (
+        run(make_recording(Z), **changes, **by) for by in ({"lag": 4.0}, {"smooth": "4s"})
+    )
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a.objects.state, b.objects.state)
+
+
+def test_of_hypotheses_that_become_one_the_weightiest_tells_its_past():
+    n = 3
+    local = bernoulli.newborn(
+        np.array([0.9, 1e-9, 0.8]), np.zeros((n, 4)), np.tile(np.eye(4), (n, 1, 1))
+    )
+    table = np.array([[0, 1], [0, -1], [-1, 2]])
+    mixture = bernoulli.Mixture(
+        local, np.arange(2), np.zeros((2, 4)), np.array([0.2, 0.5, 0.3]), table, np.array([7, 8, 9])
+    )
+    pruned, _ = bernoulli.prune(mixture, 1e-5, 100)
+    np.testing.assert_allclose(pruned.w, [0.7, 0.3])
+    assert pruned.parent.tolist() == [8, 9]
+
+
+def test_every_hypothesis_knows_what_it_was_before(make_recording):
+    """Its Bernoullis come from those that its parent had."""
+    rng = np.random.default_rng(8)
+    Z = [rng.uniform(40, 60, (3, 2)) for _ in range(6)]
+    changes = {"birth": "detections", "p_detect": 0.8, "clutter_rate": 2.0, "poisson": True}
+    params = mbm.Params(**{**BASE, **changes, "clutter_region": (0.0, 100.0, 0.0, 100.0)})
+    context, state = mbm.Context.of(make_recording(Z).setup(), params), mbm.init()
+    before, checked = None, 0
+    for scan in make_recording(Z).scans():
+        state, epoch = mbm.step(state, [scan], context)
+        if before is not None:
+            for row, parent in zip(epoch.table, epoch.parent, strict=True):
+                had = set(before.table[parent].tolist())
+                origin = epoch.local.origin[row[row >= 0]]
+                assert set(origin[origin >= 0].tolist()) <= had
+                checked += (origin >= 0).sum()
+        before = epoch
+    assert checked > 50
