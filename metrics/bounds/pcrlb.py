@@ -6,7 +6,9 @@ its known noise ``sigma_d = c / (sqrt(8) pi beta_bw u)`` with u inversely propor
 of the path. Transitions and prior are those of the filter
 (:mod:`echoset.models.motion`); signal-to-noise ratio, bandwidth, depth of the sector and heights
 are those of the recording, and so is whether ranges have an unknown offset: then the state has one
-more variable for each anchor, with the filter's prior and walk. ``pcrlb`` counts the links that
+more variable for each anchor, with the filter's prior and walk. Where the truth has no extent and
+no link is passive, the bound is that of a device alone (:mod:`.alone`), from ranges and
+differences. ``pcrlb`` counts the links that
 delivered an event, ``pcrlb-star`` (:mod:`.pcrlb_star`) the blocked ones as well.
 
 The bound belongs to no estimator: that column is empty. ``<name>-valid`` is 1 while the standard
@@ -22,7 +24,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import block_diag
 
-from ...models.columns import ACTIVE
+from ...models.columns import ACTIVE, PASSIVE, TDOA
 from ...models.errors import InputError
 from ...models.motion import constant_velocity, motion_noise, walk_std
 from ...models.parameters import parameter, require
@@ -31,7 +33,7 @@ from ...models.records import Array, Estimates, Recording, Scores, Stream
 from ...models.uwb import Region, free_space_amplitude, range_std
 from ..kit.alignment import ScoredObject, interpolate, seconds
 from ..kit.table import rows
-from . import paths
+from . import alone, paths
 from .information import covariance_bounds, information
 
 Point = tuple[float, float, float]
@@ -63,6 +65,12 @@ class Params(ScoredObject):
     )
     rms_bandwidth: float = parameter(
         500e6 / 12**0.5, "Hz", "root mean square bandwidth", within="(0, inf)"
+    )
+    sigma: float | None = parameter(
+        None, "m", "noise of ranges without a standard deviation of their own", within="(0, inf)"
+    )
+    tdoa_correlation: float = parameter(
+        0.5, "1", "correlation of differences to one anchor", within="[0, 1)"
     )
     snr_db: float = parameter(30.0, "dB", "signal-to-noise ratio of a path of one metre")
     opening_angle: float = parameter(
@@ -124,6 +132,11 @@ def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
 def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Scores:
     """The scores called ``name`` of the links with events, and of the ``blocked`` ones if asked."""
     stream = _stream(recording)
+    has_body = recording.truth is None or recording.truth.objects.semi_axes is not None
+    if not has_body and PASSIVE not in stream.scan["mode"]:
+        return _alone(recording, stream, params, name)
+    if TDOA in stream.scan["mode"]:
+        raise InputError(f"{recording.meta.name}: the bound of a body is not for differences")
     time_ns, tx, rx = _links(stream, recording, blocked)
     steps, step = np.unique(time_ns, return_inverse=True)
     states = true_states(recording, steps, params)
@@ -171,6 +184,27 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
     key = recording.meta.name, "", f"{name}-valid", "device"
     tables += [rows(key, time, valid), rows(key, np.nan, valid.mean(), len(valid))]
     return Scores.join(tables)
+
+
+def _alone(recording: Recording, stream: Stream, params: Params, name: str) -> Scores:
+    """The bound of a device without a body."""
+    steps = np.unique(stream.time_ns)
+    if len(np.unique(stream.scan["tx"][stream.scan["mode"] != PASSIVE])) > 1:
+        raise InputError(f"{recording.meta.name}: the bound is for one device, there are several")
+    truth, known = interpolate(recording, steps, params)
+    steps = steps[known]
+    try:
+        p = truth.columns("device_x", "device_y")
+    except KeyError as error:
+        raise InputError(f"{recording.meta.name}: truth: {error.args[0]}") from None
+    inside = params.contains(steps)
+    if not inside.any():
+        raise InputError(f"{recording.meta.name}: no event is within the time to be scored")
+    P = alone.bound(recording, stream, steps, p, params)
+    value = np.sqrt(np.trace(P[:, :2, :2], axis1=1, axis2=2))[inside]
+    key = recording.meta.name, "", name, "device"
+    whole = rows(key, np.nan, np.sqrt(np.mean(value**2)), len(value))
+    return Scores.join([rows(key, seconds(steps)[inside], value), whole])
 
 
 def _stream(recording: Recording) -> Stream:
