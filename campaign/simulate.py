@@ -7,7 +7,8 @@ from typing import Any
 
 from ..formats import write
 from ..formats.provenance import versions
-from ..models.errors import ParameterError, in_range
+from ..models.checks import in_range
+from ..models.errors import ParameterError
 from ..models.parameters import as_dict
 from ..models.random import generator
 from ..models.registry import load

@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-from ..models.errors import InputError, in_range
+from ..models.checks import in_range
+from ..models.errors import InputError
 from ..models.parameters import Layer, as_dict, resolve, sensor_model
 from ..models.records import Estimates, Objects, Recording, Scores
 from .kit.alignment import Scored, settle

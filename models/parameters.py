@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 import inspect
 import math
 import types
 import typing
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from .errors import InputError, ParameterError
 
@@ -115,7 +116,10 @@ def listed(names: Iterable[str]) -> str:
 
 def suggestion(name: str, known: Iterable[str]) -> str:
     """`` (did you mean ...?)`` for a misspelt name, or nothing."""
-    close = difflib.get_close_matches(name, list(known), n=1)
+    known = list(known)
+    if name in known:
+        return ""
+    close = difflib.get_close_matches(name, known, n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
@@ -127,7 +131,7 @@ def resolve(cls: type[P], *layers: Layer) -> P:
     ParameterError : an unknown key, a value of the wrong type, an impossible value
     InputError : a required parameter that no layer gives
     """
-    types_ = typing.get_type_hints(cls)
+    types_ = _hints(cast(Hashable, cls))
     values: dict[str, Any] = {}
     sources: dict[str, str] = {}
     for source, layer in layers:
@@ -153,6 +157,21 @@ def resolve(cls: type[P], *layers: Layer) -> P:
         raise ParameterError(f"{place}: {error}" if place else str(error)) from None
 
 
+@functools.cache
+def _hints(cls: Hashable) -> dict[str, Any]:
+    """The types of the fields, evaluated once a class."""
+    return typing.get_type_hints(cls)
+
+
+def sensor_model(recording: Recording, cls: type[Any]) -> tuple[Layer, ...]:
+    """Layers of the values that the recording's streams state for parameters of ``cls``."""
+    fields = {f.name for f in dataclasses.fields(cls)}
+    return tuple(
+        (f"streams/{name}/model", {k: v for k, v in stream.model.items() if k in fields})
+        for name, stream in sorted(recording.streams.items())
+    )
+
+
 def is_preset(source: str) -> bool:
     """Whether a layer of this source is a preset, which what a recording states overrules."""
     return source.lstrip("-").startswith("preset")
@@ -164,13 +183,87 @@ def layered(stated: Sequence[Layer], layers: Sequence[Layer]) -> list[Layer]:
     return [*presets, *stated, *(layer for layer in layers if not is_preset(layer[0]))]
 
 
-def sensor_model(recording: Recording, cls: type[Any]) -> tuple[Layer, ...]:
-    """Layers of the values that the recording's streams state for parameters of ``cls``."""
-    fields = {f.name for f in dataclasses.fields(cls)}
-    return tuple(
-        (f"streams/{name}/model", {k: v for k, v in stream.model.items() if k in fields})
-        for name, stream in sorted(recording.streams.items())
-    )
+def resolved_by_stream(
+    cls: type[P],
+    of_one: Collection[str],
+    groups: Mapping[str, Sequence[str]],
+    stated: Sequence[Layer],
+    layers: Sequence[Layer],
+) -> P:
+    """The parameters of a recording, with what holds for single streams in ``sensors``.
+
+    For each stream hold, the later winning: defaults, the preset, the stream's own model, what the
+    user says for all, what the user says of it in ``sensors``. Never the model of another.
+
+    ``of_one`` are those that may differ; ``groups`` names what they differ for, and of each the
+    streams whose models it has.
+
+    Raises
+    ------
+    ParameterError : ``sensors`` names no stream, or what does not hold for single streams
+    InputError : a parameter that has no default is not known for a stream
+    """
+    common = resolve(cls, *layered(stated, layers))
+    alike = [(source, {k: v for k, v in x.items() if k != "sensors"}) for source, x in layers]
+    models = {source.split("/")[1]: (source, model) for source, model in stated}
+    before, after = ([x for x in layers if is_preset(x[0]) is early] for early in (True, False))
+    early, late = (_said(cls, of_one, groups, some) for some in (before, after))
+    found = {}
+    for name, streams in groups.items():
+        own = [models[k] for k in streams if k in models]
+        presets = [x for x in alike if is_preset(x[0])]
+        user = [x for x in alike if not is_preset(x[0])]
+        presets.append((f"preset: sensors.{name}", early.get(name, {})))
+        user.append((f"sensors.{name}", late.get(name, {})))
+        mine = resolve(cls, *presets, *own, *user)
+        differs = {k: getattr(mine, k) for k in of_one if getattr(mine, k) != getattr(common, k)}
+        if differs:
+            found[name] = {k: [*v] if isinstance(v, tuple) else v for k, v in differs.items()}
+    return dataclasses.replace(common, sensors=found)  # type: ignore[type-var]
+
+
+def per_stream(params: P, names: Sequence[str]) -> dict[str, P]:
+    """The parameters as they hold for each of the streams ``names``."""
+    common, sensors = ("", as_dict(params)), getattr(params, "sensors")  # noqa: B009
+    found = {}
+    for name in names:
+        said = sensors.get(name, {})
+        require(isinstance(said, Mapping), f"sensors.{name}", "a mapping", said)
+        found[name] = resolve(type(params), common, (f"sensors.{name}", said))
+    return found
+
+
+def _said(
+    cls: type[Any],
+    of_one: Collection[str],
+    groups: Mapping[str, Sequence[str]],
+    layers: Sequence[Layer],
+) -> dict[str, dict[str, Any]]:
+    """What the layers say of single streams; what a preset says of those that are not here is not.
+
+    Raises
+    ------
+    ParameterError : no such stream, or no parameter of one
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for source, layer in layers:
+        sensors = layer.get("sensors", {})
+        require(isinstance(sensors, Mapping), "sensors", "a mapping", sensors)
+        for name, values in sensors.items():
+            require(isinstance(values, Mapping), f"sensors.{name}", "a mapping", values)
+            if name not in groups:
+                if is_preset(source):
+                    continue
+                hint = suggestion(str(name), groups)
+                raise ParameterError(f"{source}: sensors.{name}: no such stream{hint}")
+            for key in values:
+                if key not in of_one:
+                    known = key in {f.name for f in dataclasses.fields(cls)}
+                    what = "does not hold for single streams" if known else "unknown parameter"
+                    hint = "" if known else suggestion(str(key), of_one)
+                    raise ParameterError(f"{source}: sensors.{name}.{key}: {what}{hint}")
+            found[name] = {**found.get(name, {}), **values}
+    return found
 
 
 def _coerce(value: Any, kind: Any, where: str) -> Any:

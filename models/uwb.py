@@ -77,6 +77,10 @@ def error_bound(points: Array, anchors: Array, std: Array) -> Array:
     return np.asarray(np.sqrt(square))
 
 
+SPARSE = 1e-3
+"""Share of its bounding box below which a region is not drawn from by rejection."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Region:
     """Where a device may be: within ``reach`` [m] of an anchor (J, 2), or in a ``box``.
@@ -104,17 +108,25 @@ class Region:
         return np.asarray(inside)
 
     def cells(self) -> Array:
-        """Centres (2, n) of the cells of a grid that are inside."""
+        """Centres (2, n) of the cells of a grid that are inside, or of one around each anchor."""
         low, high = self.limits()
         side = (np.arange(CELLS) + 0.5) / CELLS
         grid = np.stack(np.meshgrid(side, side)).reshape(2, -1)
-        p = low[:, None] + (high - low)[:, None] * grid
-        return np.asarray(p[:, self.contains(p)])
+        if not self._is_sparse():
+            p = low[:, None] + (high - low)[:, None] * grid
+            return np.asarray(p[:, self.contains(p)])
+        disc, parts = self.reach * (2 * grid - 1), []
+        for j, anchor in enumerate(self.anchors):
+            p = anchor[:, None] + disc[:, (disc**2).sum(0) <= self.reach**2]
+            away = ((p[:, None] - self.anchors[:j].T[:, :, None]) ** 2).sum(0)
+            parts.append(p[:, (away > self.reach**2).all(0)])
+        return np.concatenate(parts, 1)
 
     def area(self) -> float:
         """Area [m^2]."""
         low, high = self.limits()
-        return float(self.cells().shape[1] / CELLS**2 * np.prod(high - low))
+        of = (2 * self.reach) ** 2 if self._is_sparse() else np.prod(high - low)
+        return float(self.cells().shape[1] / CELLS**2 * of)
 
     def covariance(self) -> Array:
         """Covariance (2, 2) [m^2] of a uniform position."""
@@ -125,6 +137,28 @@ class Region:
         low, high = self.limits()
         found = np.zeros((2, 0))
         while found.shape[1] < n:
-            p = low[:, None] + (high - low)[:, None] * rng.random((2, 2 * n))
-            found = np.concatenate((found, p[:, self.contains(p)]), 1)
+            if self._is_sparse():
+                p = self._around(2 * n, rng)
+            else:
+                p = low[:, None] + (high - low)[:, None] * rng.random((2, 2 * n))
+                p = p[:, self.contains(p)]
+            found = np.concatenate((found, p), 1)
         return found[:, :n]
+
+    def _is_sparse(self) -> bool:
+        """Whether hardly any of the bounding box is inside."""
+        low, high = self.limits()
+        discs = len(self.anchors) * np.pi * self.reach**2
+        return self.box is None and bool(discs < SPARSE * np.prod(high - low))
+
+    def _around(self, n: int, rng: np.random.Generator) -> Array:
+        """At most ``n`` uniform points (2, m) of discs around anchors, few of which need overlap.
+
+        A point of k discs is drawn k times as often as others, and kept with probability 1/k.
+        """
+        which, angle = rng.integers(len(self.anchors), size=n), 2 * np.pi * rng.random(n)
+        away = self.reach * np.sqrt(rng.random(n)) * np.stack((np.cos(angle), np.sin(angle)))
+        offset = self.anchors[which].T[:, :, None] - self.anchors.T[:, None]
+        times = (((offset + away[:, :, None]) ** 2).sum(0) <= self.reach**2).sum(1)
+        kept = rng.random(n) * np.maximum(times, 1) < 1
+        return np.asarray((self.anchors[which].T + away)[:, kept])

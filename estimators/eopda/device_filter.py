@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -10,18 +11,20 @@ from typing import Any
 
 import numpy as np
 
+from ...models.errors import InputError
 from ...models.records import Estimates, Meta, Recording, Scan
 from .extract import extract
 from .filter import track, turn
 from .learn import learn, with_noise
-from .links import Links, Network, link_steps, network
+from .links import NO_LINKS, Network, link_steps, network
+from .odometry import Odometer, odometry_of
+from .resampling import systematic
 from .start import MARGIN, SPAN
 from .state import Event, Step, Target, belief
 
 _log = logging.getLogger(__name__)
-NO_LINKS = Links(
-    np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros(0), np.zeros(0)
-)
+PATIENCE = 5.0
+"""Longest time [s] that an event waits for odometry."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +35,7 @@ class DeviceFilter:
     Params: type[Any]
     target: Target
     passive: bool = True
-    STREAMS: tuple[str, ...] = ("uwb",)
+    STREAMS: tuple[str, ...] = ("uwb", "odometry")
     PRESETS: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def estimate(
@@ -51,11 +54,12 @@ class DeviceFilter:
             params.sigma_factor,
             params.range_bias,
         )
-        events = _events(net, scans, self.passive)
+        events = _events(net, scans, self.passive, odometry_of(setup, params.device), params)
         look_ahead = SPAN if params.max_range is None else 0.0
         head, events = _head(events, params.learn_span if params.learn else look_ahead)
         if not head:
             return
+        _refuse_excluded(net, head, params)
         found: dict[str, Any] = {}
         if params.max_range is None:
             found["max_range"] = _reach(head)
@@ -71,7 +75,16 @@ class DeviceFilter:
             _log.info("%s: %s", net.name, said)
         first = belief(net, params)
         about = Meta("", provenance={"found": found} if found else {})
+        said_lost = False
         for step in track(events, self.target, params, first, rng, net.name):
+            if step.anew and not said_lost:
+                said_lost = True
+                _log.warning(
+                    "%s: at %.2f s ranges contradict the position, which is sought anew; "
+                    "'sought_anew' in the estimates says each time",
+                    net.name,
+                    step.time_ns * 1e-9,
+                )
             yield replace(self._shown(step, params, first.height.is_known, rng), meta=about)
 
     def _shown(self, step: Step, params: Any, known: bool, rng: np.random.Generator) -> Estimates:
@@ -81,12 +94,39 @@ class DeviceFilter:
             state, _ = turn(state, np.zeros((1, 3)), NO_LINKS, params, rng)
         out = extract(state, step.time_ns, self.target, params, known)
         more = {"evidence": np.array([step.gain]), "sought_anew": np.array([float(step.anew)])}
+        if params.keep:
+            drawn = systematic(state.w, 0.5, params.keep)
+            more["device_samples"] = state.device[:, drawn].T[None]
         return replace(out, steps={**out.steps, **more})
 
 
-def _events(net: Network, scans: Iterable[Scan], passive: bool) -> Iterator[Event]:
-    for time_ns, (active, heard) in link_steps(net, scans):
-        yield Event(time_ns, net.anchors(time_ns), active, heard if passive else NO_LINKS)
+def _events(
+    net: Network, scans: Iterable[Scan], passive: bool, odometry: str | None, params: Any
+) -> Iterator[Event]:
+    """The events in order; those that odometry is to tell of wait for it."""
+    odometer, waiting = Odometer(params), deque[Event]()
+
+    def listen() -> Iterator[Scan]:
+        for scan in scans:
+            if scan.stream == odometry:
+                odometer.take([scan])
+            else:
+                yield scan
+
+    for time_ns, (active, heard, differences) in link_steps(net, listen()):
+        heard = heard if passive else NO_LINKS
+        own = Event(time_ns, net.anchors(time_ns), active, heard, differences=differences)
+        if odometry is None:
+            yield own
+            continue
+        waiting.append(own)
+        while waiting and max(odometer.seen, time_ns - PATIENCE * 1e9) >= waiting[0].time_ns:
+            yield _told(waiting.popleft(), odometer)
+    yield from (_told(event, odometer) for event in waiting)
+
+
+def _told(event: Event, odometer: Odometer) -> Event:
+    return event._replace(moved=odometer.until(event.time_ns))
 
 
 def _head(events: Iterator[Event], span: float) -> tuple[list[Event], Iterator[Event]]:
@@ -99,10 +139,26 @@ def _head(events: Iterator[Event], span: float) -> tuple[list[Event], Iterator[E
     return head, chain(head, events)
 
 
+def _refuse_excluded(net: Network, head: list[Event], params: Any) -> None:
+    """An offset by which most ranges would be shorter than nothing excludes the data."""
+    z = np.concatenate([event.active.z for event in head])
+    if len(z) and np.median(z) + 3 * params.range_bias_std < 0:
+        raise InputError(
+            f"{net.name}: range_bias {params.range_bias:g} m is more than half of the first "
+            f"{len(z)} ranges measure: lower it, or raise range_bias_std"
+        )
+
+
 def _reach(head: list[Event]) -> float:
-    """The largest range of the first events, and a margin [m]."""
-    most = max(float(links.z.max(initial=0.0)) for e in head for links in e[2:])
-    return round(MARGIN * max(most, 1e-3), 2)
+    """The largest range of the first events, and a margin [m].
+
+    Differences do not tell it: it is then the widest distance of two anchors.
+    """
+    most = max(float(links.z.max(initial=0.0)) for e in head for links in e[2:4])
+    if most == 0.0 and any(not e.differences.empty for e in head):
+        a = head[0].anchors
+        most = float(np.linalg.norm(a[:, None] - a, axis=-1).max())
+    return max(round(MARGIN * most, 2), 0.01)
 
 
 def _warn_of_geometry(net: Network, event: Event, params: Any) -> None:

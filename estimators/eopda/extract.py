@@ -14,7 +14,7 @@ from .state import State, Target
 
 
 def extract(state: State, time_ns: int, target: Target, params: Params, known: bool) -> Estimates:
-    """Mean and covariance of the particles; b_phi is averaged on the circle.
+    """Mean and covariance of the particles; b_phi and heading are averaged on the circle.
 
     Offset and extent are left out where there is no object, the height where it is ``known``, the
     range bias (averaged over the anchors) and the range scale where they are not estimated.
@@ -43,12 +43,15 @@ def extract(state: State, time_ns: int, target: Target, params: Params, known: b
         y = np.vstack((y, state.mean[:, 0]))
         own.append(state.covariance[:, 0, 0])
     first = len(y) - len(own)
+    turned = len(y) if len(state.heading) else -1
+    if turned >= 0:
+        names, units, y = [*names, "heading"], [*units, "rad"], np.vstack((y, state.heading))
     y, w = np.vstack((y, state.device)), state.w
     mean = y @ w
     d = y - mean[:, None]
-    if params.has_object:
-        mean[5] = np.arctan2(np.sin(y[5]) @ w, np.cos(y[5]) @ w)
-        d[5] = np.remainder(y[5] - mean[5] + pi, 2 * pi) - pi
+    for k in [5] * params.has_object + [turned] * (turned >= 0):
+        mean[k] = np.arctan2(np.sin(y[k]) @ w, np.cos(y[k]) @ w)
+        d[k] = np.remainder(y[k] - mean[k] + pi, 2 * pi) - pi
     covariance = (w * d) @ d.T
     for k, variance in enumerate(own, first):
         covariance[k, k] += variance @ w

@@ -23,14 +23,16 @@ import numpy as np
 from ...models.errors import EstimatorError
 from ...models.motion import STEP, acceleration_variance, constant_velocity, walk_std
 from ...models.records import Array
+from .heading import drive, first_headings, is_told, log_heading
 from .kernels.compiled.bias_proposal import propose_bias
-from .links import Links
+from .links import NO_LINKS, Links
 from .lost import Doubt, merge, search, surprise
+from .odometry import Increment
 from .params import Params
 from .resampling import effective_sample_size, log_mean, normalise, systematic
 from .start import SPAN, start
 from .state import Belief, Event, Height, State, Step, Target, moments
-from .weighing import excess, weigh_active, weigh_object
+from .weighing import excess, weigh_active, weigh_differences, weigh_object
 
 GUARD = 4.0
 """Weight of ranges that are not the line of sight in the proposal, in units of clutter."""
@@ -51,12 +53,24 @@ def predict(
     params: Params,
     rng: np.random.Generator,
     height: Height,
+    moved: Increment | None = None,
 ) -> State:
-    """Move centre, extent, height and errors over ``dt`` [s]; the offset waits for :func:`turn`."""
+    """Move centre, extent, height and errors over ``dt`` [s]; the offset waits for :func:`turn`.
+
+    Where odometry tells how the body ``moved``, that is how it moves; its offset turns with it.
+    """
     F, G = constant_velocity(dt)
-    y = state.y.copy()
-    n, acceleration = y.shape[1], sqrt(acceleration_variance(params.acceleration_std, dt))
-    y[:4] = F @ y[:4] + G @ (acceleration * rng.normal(size=(2, n)))
+    y, n = state.y.copy(), state.y.shape[1]
+    if is_told(moved) and dt > 0:
+        y[:4], heading = drive(state, dt, moved, rng)
+        state = replace(state, heading=heading)
+        y[5] += moved.turn if params.has_object else 0.0
+    else:
+        acceleration = sqrt(acceleration_variance(params.acceleration_std, dt))
+        y[:4] = F @ y[:4] + G @ (acceleration * rng.normal(size=(2, n)))
+        if len(state.heading):
+            wander = params.heading_walk * sqrt(dt) * rng.normal(size=n)
+            state = replace(state, heading=state.heading + wander)
     noise = rng.normal(size=(len(target.extent), n))
     y[6:-1] = np.abs(y[6:-1] + walk_std(target.walk(params)[:, None], dt) * noise)
     if not height.is_known:
@@ -124,6 +138,7 @@ def take(state: State, index: Array) -> State:
         w=w,
         mean=state.mean[index],
         covariance=state.covariance[index],
+        heading=state.heading[index] if len(state.heading) else state.heading,
     )
 
 
@@ -191,8 +206,10 @@ def _begin(
 ) -> list[Step]:
     """The steps of a window from which the filter starts; its evidence goes to the last."""
     states, evidence = start(window, target, params, before, rng)
+    heading = first_headings([event.moved for event in window], len(states[-1].w), rng)
     steps = []
     for event, state in zip(window, states, strict=True):
+        state = replace(state, heading=heading)
         own = evidence if event is window[-1] else 0.0
         steps.append(Step(event.time_ns, state, own, _clutter(event, params), False))
     rates = sum(_rates(event, params) for event in window)
@@ -214,8 +231,11 @@ def _step(
 ) -> tuple[Step, float]:
     """The step of one event, and by how much its lines of sight surprise."""
     old = state
-    state = predict(state, dt, target, params, rng, first.height)
+    state = predict(state, dt, target, params, rng, first.height, event.moved)
     evidence, less = -_rates(event, params), 0.0
+    if event.moved is not None and np.isfinite(event.moved.heading):
+        state, gained = _weighed(state, log_heading(state, event.moved))
+        evidence += gained
     if not event.passive.empty:
         log_l = weigh_object(state, event.anchors, event.passive, target, params)
         state, gained = _weighed(state, log_l)
@@ -224,14 +244,24 @@ def _step(
     if not event.active.empty:
         state, gained = turn(state, event.anchors, event.active, params, rng)
         evidence += gained
-        less = surprise(state, event, params)
+        less = surprise(state, event._replace(differences=NO_LINKS), params)
         log_l, learnt = weigh_active(state, event.anchors, event.active, target, params)
         state, gained = _weighed(learnt, log_l)
         evidence += gained
-        if effective_sample_size(state.w) < FEW * len(state.w) and not params.has_object:
-            before = remembered(old, dt, first, params)
-            states, evidence = start([event], target, params, before, rng)
-            state, evidence = states[-1], evidence - _rates(event, params)
+    if not event.differences.empty:
+        if event.active.empty:
+            state, _ = turn(state, event.anchors, event.active, params, rng)
+        less += surprise(state, event._replace(active=NO_LINKS), params)
+        log_l, learnt = weigh_differences(state, event.anchors, event.differences, params)
+        state, gained = _weighed(learnt, log_l)
+        evidence += gained
+    seen = not (event.active.empty and event.differences.empty)
+    few = effective_sample_size(state.w) < FEW * len(state.w)
+    if seen and few and not params.has_object:
+        before = remembered(old, dt, first, params)
+        states, evidence = start([event], target, params, before, rng)
+        evidence -= _rates(event, params)
+        state = replace(states[-1], heading=state.heading)
     return Step(event.time_ns, state, evidence, evidence - _clutter(event, params), False), less
 
 
@@ -245,15 +275,16 @@ def _weighed(state: State, log_factor: Array) -> tuple[State, float]:
 
 def _rates(event: Event, params: Params) -> float:
     """Mean number of ranges of an event: what the likelihood of a Poisson process subtracts."""
-    active, passive = len(event.active.tx), len(event.passive.tx)
+    active = len(event.active.tx) + len(event.differences.tx)
+    passive = len(event.passive.tx)
     clutter = params.clutter * float(params.max_range or 0.0)
     return (active + passive) * clutter + params.expected(active, passive)
 
 
 def _clutter(event: Event, params: Params) -> float:
     """Log-likelihood of an event's ranges if all were clutter."""
-    n = len(event.active.z) + len(event.passive.z)
-    links = len(event.active.tx) + len(event.passive.tx)
+    kinds = (event.active, event.passive, event.differences)
+    n, links = sum(len(own.z) for own in kinds), sum(len(own.tx) for own in kinds)
     return n * log(params.clutter) - links * params.clutter * float(params.max_range or 0.0)
 
 
@@ -267,7 +298,9 @@ def _is_enough(window: list[Event]) -> bool:
     event = window[-1]
     if not event.passive.empty:
         return True
-    heard = sorted({int(j) for e in window for j in e.active.rx})
+    heard = sorted(
+        {int(j) for e in window for j in (*e.active.rx, *e.differences.rx, *e.differences.tx)}
+    )
     if len(heard) == len(event.anchors):
         return True
     p = event.anchors[heard, :2]

@@ -56,7 +56,7 @@ class Links(NamedTuple):
     """Link events of one time and mode, in order of receivers; fields as the kernels take them.
 
     ``tx`` (L,) is J for the device, ``rx`` (L,), ``offset`` (L + 1,) into ``z`` (M,) [m] and
-    ``variance`` (M,) [m^2].
+    ``variance`` (M,) [m^2]. Of differences (TDOA) ``tx`` is the anchor that is taken off.
     """
 
     tx: Array
@@ -69,6 +69,11 @@ class Links(NamedTuple):
     def empty(self) -> bool:
         """Whether there is no event."""
         return len(self.tx) == 0
+
+
+NO_LINKS = Links(
+    np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros(0), np.zeros(0)
+)
 
 
 def network(
@@ -110,8 +115,10 @@ def network(
     return Network(setup.meta.name, name, sensors, np.array(index), *noise)
 
 
-def link_steps(net: Network, scans: Iterable[Scan]) -> Iterator[tuple[int, tuple[Links, Links]]]:
-    """Each time [ns] with its active and its passive links, one time in memory.
+def link_steps(
+    net: Network, scans: Iterable[Scan]
+) -> Iterator[tuple[int, tuple[Links, Links, Links]]]:
+    """Each time [ns] with its active and passive links and its differences, one time in memory.
 
     The standard deviation of a range follows from its amplitude (not below the threshold) by
     Fisher information; without amplitudes it is the column ``std``, without that ``sigma``; in any
@@ -125,18 +132,23 @@ def link_steps(net: Network, scans: Iterable[Scan]) -> Iterator[tuple[int, tuple
     for time_ns, events in groupby(own, lambda scan: scan.time_ns):
         active: list[Scan] = []
         passive: list[Scan] = []
+        differences: list[Scan] = []
         for scan in events:
             if scan.scan["mode"] == PASSIVE:
                 passive.append(scan)
-            elif scan.scan["mode"] == ACTIVE and net.index[scan.scan["tx"]] >= 0:
-                active.append(scan)
-        yield time_ns, (_links(net, active), _links(net, passive))
+            elif net.index[scan.scan["tx"]] >= 0:
+                (active if scan.scan["mode"] == ACTIVE else differences).append(scan)
+        yield time_ns, (_links(net, active), _links(net, passive), _links(net, differences, True))
 
 
-def _links(net: Network, scans: list[Scan]) -> Links:
-    scans = sorted(scans, key=lambda s: (net.index[s.scan["rx"]], net.index[s.scan["tx"]]))
-    tx, rx = (np.array([net.index[s.scan[k]] for s in scans], np.int64) for k in ("tx", "rx"))
-    z = [np.asarray(s.rows["distance"], float) - net.range_bias for s in scans]
+def _links(net: Network, scans: list[Scan], differences: bool = False) -> Links:
+    """The links of one kind; differences are in order of what is taken off."""
+    first, last = ("reference", "rx") if differences else ("rx", "tx")
+    scans = sorted(scans, key=lambda s: (net.index[s.scan[first]], net.index[s.scan[last]]))
+    ends = ("reference", "rx") if differences else ("tx", "rx")
+    tx, rx = (np.array([net.index[s.scan[k]] for s in scans], np.int64) for k in ends)
+    bias = 0.0 if differences else net.range_bias
+    z = [np.asarray(s.rows["distance"], float) - bias for s in scans]
     offset = np.concatenate(([0], np.cumsum([len(d) for d in z]))).astype(np.int64)
     std = [net.sigma_factor * _std(net, s) for s in scans]
     none = np.zeros(0)

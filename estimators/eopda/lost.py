@@ -15,6 +15,7 @@ from math import pi
 import numpy as np
 
 from ...models.records import Array
+from .links import Links
 from .params import Params
 from .resampling import systematic
 from .start import start
@@ -55,7 +56,7 @@ class Doubt:
     @property
     def is_alarm(self) -> bool:
         """Whether the device should be sought anew."""
-        seen = sum(not event.active.empty for event, _ in self.recent)
+        seen = sum(not (event.active.empty and event.differences.empty) for event, _ in self.recent)
         return self.total > self.alarm and seen >= LEAST
 
     def found(self, odds: float) -> Doubt:
@@ -89,19 +90,45 @@ def merge(state: State, fresh: State, share: float, rng: np.random.Generator) ->
         np.full(n, 1 / n),
         join(state.mean, fresh.mean, 0),
         join(state.covariance, fresh.covariance, 0),
+        # the odometry's heading is not lost with the position
+        heading=np.tile(state.heading, 2)[index] if len(state.heading) else state.heading,
     )
 
 
 def surprise(state: State, event: Event, params: Params) -> float:
     """How much less likely lines of sight are than particles ``state`` said before, and allowed."""
     links, anchors = event.active, event.anchors
-    away = state.device[:, None] - anchors[links.rx, :2].T[..., None]
-    d = np.sqrt((away**2).sum(0) + (state.y[-1] - anchors[links.rx, 2, None]) ** 2)
-    shift, loose = excess(state, anchors, links)
-    spread = loose @ state.w if len(loose) else np.zeros(len(d))
-    d = d + shift if len(shift) else d
+    d = _distances(state, anchors)
+    total = 0.0
+    if not links.empty:
+        shift, loose = excess(state, anchors, links)
+        spread = loose @ state.w if len(loose) else np.zeros(len(links.rx))
+        own = d[links.rx] + shift if len(shift) else d[links.rx]
+        total += _surprise(own, spread, links, state, params)
+    links = event.differences
+    if not links.empty:
+        theta = range(1, state.mean.shape[1])
+        spread = np.zeros(len(links.rx))
+        own = d[links.rx] - d[links.tx]
+        if len(theta):
+            own = own + (state.mean[:, 1 + links.rx] - state.mean[:, 1 + links.tx]).T
+            P = np.tensordot(state.w, state.covariance, 1)
+            i, j = 1 + links.rx, 1 + links.tx
+            spread = P[i, i] + P[j, j] - 2 * P[i, j]
+        total += _surprise(own, spread, links, state, params)
+    return total
+
+
+def _distances(state: State, anchors: Array) -> Array:
+    """Distances (J, N) of the device to the anchors."""
+    away = state.device[:, None] - anchors[:, :2].T[..., None]
+    return np.asarray(np.sqrt((away**2).sum(0) + (state.y[-1] - anchors[:, 2, None]) ** 2))
+
+
+def _surprise(d: Array, spread: Array, links: Links, state: State, params: Params) -> float:
+    """The surprise of links of which particles expect ``d`` (L, N), uncertain by ``spread``."""
     mean = d @ state.w
-    spread += (d - mean[:, None]) ** 2 @ state.w
+    spread = spread + (d - mean[:, None]) ** 2 @ state.w
     link = np.repeat(np.arange(len(d)), np.diff(links.offset))
     v = links.variance + spread[link]
     g = np.exp(-np.minimum((links.z - mean[link]) ** 2 / (2 * v), 32)) / np.sqrt(2 * pi * v)

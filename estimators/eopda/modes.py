@@ -18,6 +18,8 @@ STARTS = 64
 """Points from which maxima are sought."""
 MOST = 12
 """Maxima that are kept."""
+GRID = 9
+"""Points a side from which the meetings of hyperbolas are sought."""
 DROP = 25.0
 """A maximum this much below the highest [nats] is left out."""
 ANNEAL = (64.0, 16.0, 4.0, 4.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
@@ -27,13 +29,21 @@ ANNEAL = (64.0, 16.0, 4.0, 4.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 class Ranges(NamedTuple):
     """Ranges that may be direct: of anchors at ``anchor`` (M, 3) [m], taken ``age`` (M,) [s] ago.
 
-    ``z`` (M,) [m] and ``variance`` (M,) [m^2], with all that is uncertain about them.
+    ``z`` (M,) [m] and ``variance`` (M,) [m^2], with all that is uncertain about them. Of a
+    difference ``other`` (M, 3) is the anchor whose distance is taken off; NaN for a range, and
+    empty where there are only ranges.
     """
 
     anchor: Array
     age: Array
     z: Array
     variance: Array
+    other: Array = np.zeros((0, 3))
+
+    @property
+    def are_ranges(self) -> Array:
+        """Which are no differences, (M,)."""
+        return np.isnan(self.other[:, 0]) if len(self.other) else np.ones(len(self.z), bool)
 
 
 class Modes(NamedTuple):
@@ -58,7 +68,7 @@ def modes(
     heights = (
         [height[0]] if known else [height[0], height[0] + height[1], height[0] + height[1] / 3]
     )
-    starts = [_meetings(ranges, h) for h in heights]
+    starts = [np.concatenate((_meetings(ranges, h), _grid(ranges))) for h in heights]
     x = np.concatenate([_state(p, h) for p, h in zip(starts, heights, strict=True)])
     if not len(x):
         return Modes(np.zeros((0, 5)), np.zeros((0, 5, 5)), np.zeros(0))
@@ -103,6 +113,12 @@ def _path(x: Array, ranges: Ranges) -> tuple[Array, Array]:
     away = away - ranges.anchor
     d = np.maximum(np.linalg.norm(away, axis=-1), 1e-6)
     u = away / d[..., None]
+    k = np.flatnonzero(~ranges.are_ranges)
+    if len(k):
+        away = away[:, k] + ranges.anchor[k] - ranges.other[k]
+        off = np.maximum(np.linalg.norm(away, axis=-1), 1e-6)
+        d[:, k] -= off
+        u[:, k] -= away / off[..., None]
     return d, np.concatenate((u[..., :2], -ranges.age[:, None] * u[..., :2], u[..., 2:]), -1)
 
 
@@ -120,7 +136,9 @@ def _state(p: Array, height: float) -> Array:
 
 def _meetings(ranges: Ranges, height: float) -> Array:
     """Points (k, 2) where two circles of ranges meet, or come next to each other."""
-    i, j = np.triu_indices(len(ranges.z), 1)
+    circles = np.flatnonzero(ranges.are_ranges)
+    i, j = np.triu_indices(len(circles), 1)
+    i, j = circles[i], circles[j]
     a, b = ranges.anchor[i, :2], ranges.anchor[j, :2]
     rho = np.sqrt(np.maximum(ranges.z**2 - (ranges.anchor[:, 2] - height) ** 2, 1e-4))
     D = np.linalg.norm(b - a, axis=1)
@@ -137,3 +155,14 @@ def _meetings(ranges: Ranges, height: float) -> Array:
     n = np.stack((-u[:, 1], u[:, 0]), 1)
     middle = a + along[:, None] * u
     return np.concatenate((middle + across[:, None] * n, middle - across[:, None] * n))
+
+
+def _grid(ranges: Ranges) -> Array:
+    """Points (k, 2) about the anchors of differences, whose hyperbolas meet anywhere."""
+    k = ~ranges.are_ranges
+    if not k.any():
+        return np.zeros((0, 2))
+    corners = np.concatenate((ranges.anchor[k, :2], ranges.other[k, :2]))
+    centre, half = (corners.min(0) + corners.max(0)) / 2, np.ptp(corners, axis=0).max()
+    side = np.linspace(-1.0, 1.0, GRID)
+    return np.asarray(centre + half * np.stack(np.meshgrid(side, side), -1).reshape(-1, 2))

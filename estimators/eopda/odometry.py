@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...models.errors import InputError
 from ...models.parameters import parameter
-from ...models.records import Array, Scan
+from ...models.records import Array, Recording, Scan
 
 LONGEST = 5.0
 """An event tells of at most so many usual intervals before it."""
@@ -37,6 +38,9 @@ class Odometry:
     )
     heading_std: float = parameter(
         0.05, "rad", "standard deviation of a heading of odometry", within="(0, inf)"
+    )
+    heading_walk: float = parameter(
+        1.0, "rad s-1/2", "random walk of a heading while no odometry tells it", within="(0, inf)"
     )
     turn: str = parameter(
         "during",
@@ -81,6 +85,23 @@ def reading(scan: Scan, params: Odometry) -> Reading:
     own = [float(told.get(f"std_{name}", s)) for name, s in zip(names, std, strict=True)]
     value = [float(told.get(name, np.nan)) for name in names]
     return Reading(scan.time_ns, np.array(value[:2]), value[2], value[3], np.square(np.array(own)))
+
+
+def odometry_of(setup: Recording, device: str | None) -> str | None:
+    """The name of the stream of odometry of the ``device``, or of the only one; None without.
+
+    Raises
+    ------
+    InputError : there are several
+    """
+    names = sorted(
+        name
+        for name, stream in setup.streams.items()
+        if stream.kind == "odometry" and device in (None, stream.nodes[0])
+    )
+    if len(names) > 1:
+        raise InputError(f"{setup.meta.name}: needs one stream of odometry, has {' '.join(names)}")
+    return names[0] if names else None
 
 
 @dataclass(slots=True, eq=False)

@@ -43,6 +43,12 @@ class Ranges(Odometry):
     sigma_factor: float = parameter(
         1.0, "1", "factor of all standard deviations of ranges", within="(0, inf)"
     )
+    tdoa_correlation: float = parameter(
+        0.5,
+        "1",
+        "correlation of differences to one anchor: 0.5 if all arrivals are equally noisy",
+        within="[0, 1)",
+    )
     range_bias: float = parameter(0.0, "m", "what every range has too much, at first")
     range_bias_std: float = parameter(
         0.0, "m", "its standard deviation; above 0 it is estimated, by anchor", within="[0, inf)"
@@ -106,6 +112,12 @@ class Params(Ranges):
     )
     bias_distance_std: float = parameter(0.1, "m", "random walk of b_rho", within="[0, inf)")
     bias_angle_std: float = parameter(0.5, "rad", "random walk of b_phi", within="[0, inf)")
+    keep: int = parameter(
+        0,
+        "1",
+        "device positions kept per step, drawn by weight: an ambiguity is several clouds",
+        within="[0, inf)",
+    )
     learn: tuple[str, ...] = parameter(
         (),
         "",

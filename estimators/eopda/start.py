@@ -24,7 +24,7 @@ from .modes import Modes, Ranges, modes
 from .params import Params
 from .state import Belief, Event, State, Target
 from .tempering import temper
-from .weighing import weigh_active, weigh_object
+from .weighing import weigh_active, weigh_differences, weigh_object
 
 SPAN = 1.0
 """Longest time [s] from which a start is made."""
@@ -78,7 +78,7 @@ class _Problem:
     before: Belief
     region: Region
     area: float
-    ranges: Ranges
+    circles: Ranges
     modes: Modes
 
     def __init__(
@@ -87,16 +87,20 @@ class _Problem:
         self.events, self.target, self.params, self.before = events, target, params, before
         z = np.concatenate([e.active.z for e in events] + [e.passive.z for e in events])
         assert params.max_range is not None
-        reach = MARGIN * max(float(z.max(initial=0.0)), 1e-3)
-        reach = min(reach, params.max_range) if len(z) else params.max_range
+        farthest = max(float(z.max(initial=0.0)), 1e-3)
+        reach = params.max_range if not len(z) else MARGIN * farthest
+        if farthest <= params.max_range:
+            # a device that has gone farther than was guessed from the first ranges is not cut off
+            reach = min(reach, params.max_range)
         corners = np.concatenate([e.anchors[:, :2] for e in events])
         self.region = Region(np.unique(corners, axis=0), reach, params.area)
         self.area = self.region.area()
-        self.ranges = _ranges(events, params, before)
+        ranges = _ranges(events, params, before)
+        self.circles = Ranges(*(column[ranges.are_ranges] for column in ranges))
         h = before.height
         wide = h.std if np.isfinite(h.std) else (h.high - h.low) / 2
         height = (h.mean, wide) if np.isfinite(h.std) else (h.low, wide)
-        self.modes = modes(self.ranges, params.clutter, params.speed_std, height, reach)
+        self.modes = modes(ranges, params.clutter, params.speed_std, height, reach)
 
     @property
     def motion(self) -> int:
@@ -115,11 +119,11 @@ class _Problem:
             draw = np.einsum("nij,jn->in", root[k], rng.normal(size=(rows, n)))
             x[:rows] = np.where(kind == 0, self.modes.mean[k, :rows].T + draw, x[:rows])
         if shares[1]:
-            m = rng.integers(0, len(self.ranges.z), n)
+            m = rng.integers(0, len(self.circles.z), n)
             radius, std = self._rings()
             r = np.abs(radius[m] + std[m] * rng.normal(size=n))
             angle = 2 * pi * rng.random(n)
-            ring = self.ranges.anchor[m, :2].T + r * np.stack((np.cos(angle), np.sin(angle)))
+            ring = self.circles.anchor[m, :2].T + r * np.stack((np.cos(angle), np.sin(angle)))
             x[:2] = np.where(kind == 1, ring, x[:2])
         return x
 
@@ -138,7 +142,7 @@ class _Problem:
             parts.append(logsumexp(peak[:, None] - square / 2, axis=0))
         if shares[1]:
             radius, std = self._rings()
-            r = np.linalg.norm(x[:2].T - self.ranges.anchor[:, None, :2], axis=-1)
+            r = np.linalg.norm(x[:2].T - self.circles.anchor[:, None, :2], axis=-1)
             t = (r - radius[:, None]) / std[:, None]
             near = -0.5 * t**2 - np.log((2 * pi) ** 1.5 * std[:, None] * np.maximum(r, 1e-9))
             ring = logsumexp(near, axis=0) - np.log(len(radius)) + np.log(shares[1])
@@ -167,6 +171,12 @@ class _Problem:
             if not event.active.empty:
                 links = _blurred(event.active, age, self.params)
                 own, moved = weigh_active(moved, event.anchors, links, self.target, self.params)
+                total += own
+                state = replace(state, mean=moved.mean, covariance=moved.covariance)
+            if not event.differences.empty:
+                links = _blurred(event.differences, age, self.params)
+                moved = replace(moved, mean=state.mean, covariance=state.covariance)
+                own, moved = weigh_differences(moved, event.anchors, links, self.params)
                 total += own
                 state = replace(state, mean=moved.mean, covariance=moved.covariance)
         return total, state
@@ -204,17 +214,17 @@ class _Problem:
 
     def _shares(self) -> tuple[float, float, float]:
         of_modes, rings, prior = SHARES
-        if not len(self.ranges.z):
-            return 0.0, 0.0, 1.0
+        if not len(self.circles.z):
+            return (1 - prior, 0.0, prior) if len(self.modes.share) else (0.0, 0.0, 1.0)
         return (of_modes, rings, prior) if len(self.modes.share) else (0.0, 1 - prior, prior)
 
     def _rings(self) -> tuple[Array, Array]:
         """Radius and standard deviation (M,) of the rings about anchors in the plane."""
-        rise = self.ranges.anchor[:, 2] - self.before.height.mean
-        radius = np.sqrt(np.maximum(self.ranges.z**2 - rise**2, 0.0))
+        rise = self.circles.anchor[:, 2] - self.before.height.mean
+        radius = np.sqrt(np.maximum(self.circles.z**2 - rise**2, 0.0))
         h = self.before.height
         loose = 0.0 if h.is_known else min(h.std, h.high - h.low) / 3
-        return radius, np.sqrt(2 * self.ranges.variance + loose**2)
+        return radius, np.sqrt(2 * self.circles.variance + loose**2)
 
     def _prior_motion(self, n: int, rng: np.random.Generator) -> Array:
         if self.before.motion is None:
@@ -255,8 +265,9 @@ def _blurred(links: Links, age: float, params: Params) -> Links:
 
 
 def _ranges(events: Sequence[Event], params: Params, before: Belief) -> Ranges:
-    """The active ranges of the events, what they have too much on average taken off."""
-    rows: list[tuple[Array, Array, Array, Array]] = []
+    """The active ranges and differences of the events, what they have too much on average taken
+    off."""
+    rows: list[tuple[Array, Array, Array, Array, Array]] = []
     for event in events:
         age = (events[-1].time_ns - event.time_ns) * 1e-9
         links = _blurred(event.active, age, params)
@@ -267,5 +278,14 @@ def _ranges(events: Sequence[Event], params: Params, before: Belief) -> Ranges:
             P = P if before.alternative is None else (P + before.alternative) / 2
             z = (z - m[1 + rx]) / (1 + m[0])
             v = v + P[1 + rx, 1 + rx] + 2 * z * P[0, 1 + rx] + z**2 * P[0, 0]
-        rows.append((event.anchors[rx], np.full(len(z), age), z, v))
+        rows.append((event.anchors[rx], np.full(len(z), age), z, v, np.full((len(z), 3), np.nan)))
+        links = _blurred(event.differences, age, params)
+        count = np.diff(links.offset)
+        of, rx = np.repeat(links.tx, count), np.repeat(links.rx, count)
+        v = links.variance
+        if len(before.mean):
+            P = before.covariance
+            v = v + P[1 + rx, 1 + rx] + P[1 + of, 1 + of] - 2 * P[1 + rx, 1 + of]
+        away = event.anchors[rx], np.full(len(rx), age), links.z, v, event.anchors[of]
+        rows.append(away)
     return Ranges(*(np.concatenate(column) for column in zip(*rows, strict=True)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,19 +13,26 @@ from scipy.special import ndtr, ndtri
 from ...models.motion import constant_velocity, motion_noise
 from ...models.records import Array
 from ...models.uwb import device_position
-from .links import Links, Network
+from .links import NO_LINKS, Links, Network
+from .odometry import Increment
 from .params import Params, Ranges
 
 _log = logging.getLogger(__name__)
 
 
 class Event(NamedTuple):
-    """Links of one time [ns], with the anchors' positions (J, 3) at that time."""
+    """Links of one time [ns], with the anchors' positions (J, 3) at that time.
+
+    ``moved`` is what odometry tells of the time since the event before; ``differences`` are of
+    distances to two anchors.
+    """
 
     time_ns: int
     anchors: Array
     active: Links
     passive: Links
+    moved: Increment | None = None
+    differences: Links = NO_LINKS
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +60,8 @@ class State:
     The rows are x y vx vy b_rho b_phi, the extent, and the height of device and object. ``mean``
     (N, D) and ``covariance`` (N, D, D) are what ranges have too much, see
     :mod:`.kernels.range_error`. The offset of the device has not moved for ``hidden`` [s]: no line
-    of sight has shown it since, and its random walk is drawn when one does.
+    of sight has shown it since, and its random walk is drawn when one does. Where odometry tells,
+    ``heading`` (N,) [rad] is that of the body; otherwise it is empty.
     """
 
     y: Array
@@ -61,6 +69,7 @@ class State:
     mean: Array
     covariance: Array
     hidden: float = 0.0
+    heading: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def device(self) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from ...models.records import Array
 from .kernels.compiled.range_error import direct
 from .kernels.compiled.range_error import excess as compiled_excess
+from .kernels.difference import difference
 from .links import Links
 from .params import Params
 from .state import State, Target
@@ -42,6 +43,24 @@ def weigh_object(
 ) -> Array:
     """Log-likelihood (N,) of links by what the object looks like."""
     return target.log_likelihood(state, anchors, links, excess(state, anchors, links), params)
+
+
+def weigh_differences(
+    state: State, anchors: Array, links: Links, params: Params
+) -> tuple[Array, State]:
+    """Log-likelihood (N,) of differences, and the state that has learnt from them."""
+    own, mean, covariance = difference(
+        state.device,
+        state.y[-1],
+        anchors,
+        *links,
+        params.tdoa_correlation,
+        state.mean,
+        state.covariance,
+        params.clutter,
+        params.los,
+    )
+    return own, replace(state, mean=mean, covariance=covariance)
 
 
 def weigh_active(

@@ -11,8 +11,8 @@ from scipy.ndimage import gaussian_filter
 
 from ...models.errors import InputError
 from ...models.grids import Grid
+from ...models.parameters import per_stream
 from ...models.records import Array, Recording, Scan
-from ..streams import per_stream
 from . import plane
 from .kernels.posterior import Scene
 from .params import SceneParams

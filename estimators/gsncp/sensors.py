@@ -17,12 +17,11 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.grids import Grid
-from ...models.parameters import Layer, is_preset, listed
+from ...models.parameters import Layer, is_preset, listed, resolved_by_stream
 from ...models.poses import pose_at
 from ...models.radar.detection import View, polar
 from ...models.radar.ofdm import MOUNTING
 from ...models.records import Array, Recording, Scan, Stream
-from .. import streams
 from . import plane
 from .params import SceneParams
 
@@ -56,7 +55,7 @@ class SensorState:
 
 
 def resolved(cls: type[P], setup: Recording, stated: Sequence[Layer], layers: Sequence[Layer]) -> P:
-    """The parameters of a recording, see :mod:`..streams`.
+    """The parameters of a recording, see :func:`echoset.models.parameters.resolved_by_stream`.
 
     Raises
     ------
@@ -68,7 +67,7 @@ def resolved(cls: type[P], setup: Recording, stated: Sequence[Layer], layers: Se
     if len(regions) > 1 and not said:
         raise InputError(f"the streams state the regions {listed(sorted(regions))}: give one")
     groups = {name: [name] for name in sorted(setup.streams)}
-    return streams.resolved(cls, OF_ONE, groups, stated, layers)
+    return resolved_by_stream(cls, OF_ONE, groups, stated, layers)
 
 
 def sensor_state(

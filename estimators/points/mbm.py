@@ -12,7 +12,7 @@ Trans. Aerosp. Electron. Syst. 40 (2004) 1093-1099.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 
@@ -37,6 +37,7 @@ from .sensing import (
     innovations,
     log_likelihood,
     positions,
+    spread,
 )
 from .targets import NAMES, UNITS, Interval, appeared, born
 from .times import observe, remember, through
@@ -88,7 +89,8 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
         if len(seen.z) > params.max_detections:
             cut["max_detections"] += len(seen.z) - params.max_detections
             seen = _likeliest(seen, state.mixture.local, own, params)
-        state, new = update(state, seen, params, own, _even(seen, used, gone, params))
+        even = _even(seen, [look for look, _ in moment.looks], used, gone, params)
+        state, new = update(state, seen, params, own, even)
         state = reduce(state, params, max(len(seen.z), state.memory.crowd))
         used.append(seen)
         novelty.append(new)
@@ -192,8 +194,12 @@ def _likeliest(seen: Look, a: Bernoullis, own: SensorParams, params: Params) -> 
     return replace(seen, **some, R=R, parts=parts)
 
 
-def _even(seen: Look, before: list[Look], gone: Interval, params: Params) -> Array:
+def _even(
+    seen: Look, looks: Sequence[Look], before: Sequence[Look], gone: Interval, params: Params
+) -> Array:
     """Density (n,) of targets, spread like the clutter, that no look of the time has detected yet.
+
+    All ``looks`` share what appeared, evenly: where their fields lie apart it is spread over all.
 
     Raises
     ------
@@ -205,7 +211,11 @@ def _even(seen: Look, before: list[Look], gone: Interval, params: Params) -> Arr
     if np.isnan(seen.spatial).any():
         raise InputError(UNKNOWN)
     density = params.birth_rate * appeared(params.p_survive, 0.0, gone.steps) * seen.spatial
-    m = np.hstack((positions(seen)[0], np.zeros((n, 2))))
+    where = positions(seen)[0]
+    if len(looks) > 1:
+        own, all_ = spread(seen, where), np.mean([spread(look, where) for look in looks], axis=0)
+        density = density * np.where(own > 0, all_ / np.where(own > 0, own, 1.0), 1.0)
+    m = np.hstack((where, np.zeros((n, 2))))
     P = np.tile(np.eye(4), (n, 1, 1))
     for look in before:
         density = density * (1 - detection_probability(look, m, P, False))

@@ -13,7 +13,7 @@ from ...models.parameters import parameter
 from ...models.records import Array
 from .context import FilterParams
 from .cuts import Cut
-from .edge import Border, detection_probability
+from .edge import detection_probability, unseen
 from .kernels import births
 from .kernels.bernoulli import (
     TINY,
@@ -195,6 +195,8 @@ def update(
 ) -> tuple[State, Array]:
     """The state given a scan, and how probably (n,) no known target made the detections.
 
+    Equations (1) to (5) of ``docs/systems/filters.md``, whose table of symbols has these letters.
+
     ``own`` holds for the sensor, and ``even`` (n,) is the density at the detections of undetected
     targets that may be anywhere.
 
@@ -205,8 +207,7 @@ def update(
     a = state.mixture.local
     z_hat, C, S = innovations(seen, a.m, a.P, own.unscented)
     log_hit = log_likelihood(seen, z_hat, S, params.gate)
-    border = Border.of(seen, a.m, a.P, own.fov_mass)
-    p, (m_missed, P_missed) = border.p, border.missed(a.visible, np.ones(len(a)))
+    p, m_missed, P_missed = unseen(seen, a.m, a.P, a.visible, own.fov_mass)
     with np.errstate(divide="ignore"):
         log_hit += np.log(_found(seen, own, a, p, log_hit, z_hat, C, S) * a.visible[:, None])
     undetected, (new, m_new, P_new) = _first_detections(state.undetected, seen, params, own, even)
@@ -219,6 +220,7 @@ def update(
         params.max_hypotheses,
         -np.log(params.min_weight),
     )
+    # (1), and (2) for who is detected.
     local = missed(replace(a, m=m_missed, P=P_missed), p).take(found.prior)
     hit = np.flatnonzero(found.detection >= 0)
     i, l = found.detection[hit], found.prior[hit]
@@ -234,7 +236,7 @@ def update(
         state.mixture, local=local, start=start, w=found.w, table=found.table, parent=parent
     )
     state = replace(state, mixture=mixture, undetected=undetected)
-    r = new / free
+    r = new / free  # (3)
     some = np.flatnonzero(r > params.min_existence)
     state = _begin(state, begun(r[some], m_new[some], P_new[some]), found.free[:, some])
     return state, found.w @ found.free
@@ -307,8 +309,7 @@ def _first_detections(
     if not len(w):
         return undetected, (even, m_even, P_even)
     z_hat, C, S = innovations(seen, m, P, own.unscented)
-    border = Border.of(seen, m, P, own.fov_mass)
-    p, (m_missed, P_missed) = border.p, border.missed(np.ones(len(w)), np.ones(len(w)))
+    p, m_missed, P_missed = unseen(seen, m, P, np.ones(len(w)), own.fov_mass)
     density = np.zeros((len(w) + 1, n))
     log_l = log_likelihood(seen, z_hat, S, params.gate)
     density[:-1], density[-1] = (p * w)[:, None] * np.exp(log_l), even

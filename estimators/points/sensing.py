@@ -105,7 +105,8 @@ class Look:
 
     Cartesian detections are in the map [m] and their clutter per m^2; of ranges and azimuths z
     is (m, rad) in the sensor's frame and the clutter per m rad. ``spatial`` (n,) is the density of
-    one clutter point, in the same measure, NaN where it is not known. ``period`` (2,) tells angles;
+    one clutter point, in the same measure, NaN where it is not known: uniform in the ``region``, or
+    where that is empty in range and azimuth over the view. ``period`` (2,) tells angles;
     ``position`` (2,) and ``rotation`` (2, 2) are the sensor's pose, ``p_detect`` holds in ``view``.
     Where the rows have times of their own, ``parts`` are they one by one.
     """
@@ -120,6 +121,7 @@ class Look:
     view: View
     p_detect: float
     spatial: Array
+    region: tuple[float, ...] = ()
     parts: tuple[Part, ...] = ()
 
 
@@ -150,7 +152,8 @@ def look(params: SensorParams, scan: Scan, polar_rows: bool, sensor: Sensor) -> 
     clutter = params.clutter_rate * spatial if params.clutter_rate else np.zeros(len(z))
     if np.isnan(clutter).any():
         raise InputError(UNKNOWN)
-    return Look(polar_rows, z, R, clutter, period, p, rotation, view, params.p_detect, spatial)
+    region, p_detect = params.clutter_region, params.p_detect
+    return Look(polar_rows, z, R, clutter, period, p, rotation, view, p_detect, spatial, region)
 
 
 def level(turn: Array) -> Array:
@@ -281,9 +284,19 @@ def timed(
 
 def made(params: SensorParams, z: Array, R: Array, region: tuple[float, ...]) -> Look:
     """Detections z (n, 2) that a source made in the map, with covariances R (n, 2, 2)."""
-    spatial = np.full(len(z), 1 / area(box(params.clutter_region or region)))
-    zero, clutter = np.zeros(2), params.clutter_rate * spatial
-    return Look(False, z, R, clutter, zero, zero, np.eye(2), View(), params.p_detect, spatial)
+    region = params.clutter_region or region
+    spatial = np.full(len(z), 1 / area(box(region)))
+    zero, clutter, p = np.zeros(2), params.clutter_rate * spatial, params.p_detect
+    return Look(False, z, R, clutter, zero, zero, np.eye(2), View(), p, spatial, region)
+
+
+def spread(look: Look, where: Array) -> Array:
+    """Density (n,) [m^-2] of one clutter point of a look at positions (n, 2) in the map."""
+    if look.region:
+        return np.full(len(where), 1 / area(box(look.region)))
+    distance, azimuth = polar((where - look.position) @ look.rotation)
+    inside = look.view.contains(distance, azimuth)
+    return np.where(inside, 1 / (look.view.area * np.maximum(distance, 1e-9)), 0.0)
 
 
 def expected(look: Look, m: Array, P: Array, unscented: bool) -> tuple[Array, Array, Array]:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import TypeVar
 
-from ...models.parameters import Layer
+from ...models import parameters
+from ...models.parameters import Layer, resolved_by_stream
 from ...models.records import Recording
-from .. import streams
 from .sensing import STREAMS, SensorParams
 from .source import MADE
 
@@ -18,7 +18,7 @@ P = TypeVar("P", bound=SensorParams)
 
 
 def resolved(cls: type[P], setup: Recording, stated: Sequence[Layer], layers: Sequence[Layer]) -> P:
-    """The parameters of a recording, see :mod:`..streams`.
+    """The parameters of a recording, see :func:`echoset.models.parameters.resolved_by_stream`.
 
     All that is no detection stream is one, by the name of what a source makes.
 
@@ -31,9 +31,9 @@ def resolved(cls: type[P], setup: Recording, stated: Sequence[Layer], layers: Se
     groups = {name: [name] for name, kind in kinds if kind in STREAMS}
     others = [name for name, kind in kinds if kind not in STREAMS]
     groups |= {MADE: others} if others else {}
-    return streams.resolved(cls, OF_ONE, groups, stated, layers)
+    return resolved_by_stream(cls, OF_ONE, groups, stated, layers)
 
 
 def per_stream(params: P, setup: Recording) -> dict[str, P]:
     """The parameters as they hold for each stream, and for what a source makes."""
-    return streams.per_stream(params, (*sorted(setup.streams), MADE))
+    return parameters.per_stream(params, (*sorted(setup.streams), MADE))

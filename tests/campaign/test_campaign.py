@@ -81,8 +81,8 @@ def test_summary_of_many_failures_names_some(run, tmp_path):
     assert result.code == 4 and "4.h5 and 3 more\n" in result.err
 
 
-def test_summary_after_a_signal(start, files, tmp_path):
-    process = start(
+def test_summary_after_a_signal(fork, files, tmp_path):
+    process = fork(
         "estimate", "-e", "mean", *files, "-o", f"{tmp_path}/out/", "-j", 2,
         "--set", "delay=10", "--summary", tmp_path / "s",
     )  # fmt: skip
@@ -94,10 +94,10 @@ def test_summary_after_a_signal(start, files, tmp_path):
     assert (found["left"], found["stopped"]) == (3, "ended by signal 15")
 
 
-def test_lock(run, start, files, tmp_path):
+def test_lock(run, fork, files, tmp_path):
     lock, out = tmp_path / "lock", tmp_path / "out"
     words = ("estimate", "-e", "mean", files[0], "-o", f"{out}/", "--lock", lock)
-    holder = start(*words, "--set", "delay=10")
+    holder = fork(*words, "--set", "delay=10")
     while not out.exists():
         time.sleep(0.05)
     result = run(*words)
@@ -110,12 +110,12 @@ def test_lock(run, start, files, tmp_path):
     assert run(*words, "--overwrite", "--lock", tmp_path / "none/lock").code == 5
 
 
-def test_lists_of_inputs(run, start, files, tmp_path):
+def test_lists_of_inputs(run, fork, files, tmp_path):
     listed = tmp_path / "list.txt"
     listed.write_text("".join(f"{path}\n" for path in files) + "\n")
     words = ("estimate", "-e", "mean", f"@{listed}", "-o", f"{tmp_path}/out/")
     assert run(*words) == (0, "", "") and len(contents(tmp_path / "out")) == 3
-    process = start(*words[:3], "@-", "-o", f"{tmp_path}/piped/", stdin=subprocess.PIPE)
+    process = fork(*words[:3], "@-", "-o", f"{tmp_path}/piped/", stdin=subprocess.PIPE)
     assert process.communicate(listed.read_bytes(), timeout=60)[1] == b""
     assert contents(tmp_path / "piped") == contents(tmp_path / "out")
     estimates = tmp_path / "estimates.txt"
@@ -173,13 +173,13 @@ def test_rules_of_commands(run, files, tmp_path):
     assert run(*words).code == 0 and deps.read_text() == f"{tmp_path}/r.h5: {scenario}\n"
 
 
-def test_log_off_a_terminal_has_times_and_is_quiet(start, files, tmp_path):
+def test_log_off_a_terminal_has_times_and_is_quiet(fork, files, tmp_path):
     words = ("estimate", "-e", "mean", *files, "-o", f"{tmp_path}/out/", "-j", 2)
-    assert start(*words).communicate(timeout=60)[1] == b""
-    lines = start(*words, "--skip-existing", "-v").communicate(timeout=60)[1].decode().splitlines()
+    assert fork(*words).communicate(timeout=60)[1] == b""
+    lines = fork(*words, "--skip-existing", "-v").communicate(timeout=60)[1].decode().splitlines()
     form = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ echoset: \S+: skipped: is complete")
     assert len(lines) == 3 and all(map(form.fullmatch, lines))
-    error = start(*words).communicate(timeout=60)[1].decode()
+    error = fork(*words).communicate(timeout=60)[1].decode()
     assert re.match(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ echoset: error: ", error)
 
 

@@ -108,10 +108,10 @@ def test_target_on_another_file_system(estimate, whole, disk, tmp_path):
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_folder_removed_during_the_run(start, estimate, whole, campaign, tmp_path, jobs):
+def test_folder_removed_during_the_run(fork, estimate, whole, campaign, tmp_path, jobs):
     expected, out = whole("h5"), tmp_path / "out"
     words = ("estimate", "-e", "mean", *sorted(campaign.iterdir()), "-o", f"{out}/", "-j", jobs)
-    process = start(*words, "--set", "delay=0.02")
+    process = fork(*words, "--set", "delay=0.02")
     while not out.exists() or len(os.listdir(out)) < jobs:
         assert process.poll() is None
         time.sleep(0.01)

@@ -25,7 +25,7 @@ def visible(folder: Path) -> list[str]:
     return [name for name in os.listdir(folder) if name[0] != "."] if folder.exists() else []
 
 
-def kill_at_random(start, words, folder, whole, kills, rng):
+def kill_at_random(fork, words, folder, whole, kills, rng):
     """Run the command until it has been killed ``kills`` times, and then to its end.
 
     Each time the process alone or, as when a machine goes down, all of its workers with it are
@@ -33,7 +33,7 @@ def kill_at_random(start, words, folder, whole, kills, rng):
     """
     for _ in range(kills):
         wanted = len(visible(folder)) + rng.randint(0, int(0.6 * len(whole) / kills))
-        process = start(*words, start_new_session=True)
+        process = fork(*words, start_new_session=True)
         while len(visible(folder)) < wanted:
             time.sleep(0.01)
             assert process.poll() is None, "over before it was killed"
@@ -43,12 +43,12 @@ def kill_at_random(start, words, folder, whole, kills, rng):
         process.communicate()
         found = {name: (folder / name).read_bytes() for name in visible(folder)}
         assert found.items() <= whole.items()
-    process = start(*words)
+    process = fork(*words)
     assert process.communicate()[1] == b"" and process.returncode == 0
 
 
 @pytest.mark.parametrize(("recordings", "kills", "words"), SIZES)
-def test_killed_campaign_ends_in_the_same_bytes(run, start, tmp_path, recordings, kills, words):
+def test_killed_campaign_ends_in_the_same_bytes(run, fork, tmp_path, recordings, kills, words):
     rng = random.Random(5)
     rec, est = tmp_path / "rec", tmp_path / "est"
     simulate = ("simulate", "uwb-los", "--runs", recordings, "--set", "steps=10", "-j", 2)
@@ -56,7 +56,7 @@ def test_killed_campaign_ends_in_the_same_bytes(run, start, tmp_path, recordings
     whole = contents(tmp_path / "whole-rec")
     if kills > 2:
         resumed = (*simulate, "-o", f"{rec}/", "--skip-existing")
-        kill_at_random(start, resumed, rec, whole, kills, rng)
+        kill_at_random(fork, resumed, rec, whole, kills, rng)
         assert contents(rec) == whole
 
     files = sorted((tmp_path / "whole-rec").iterdir())
@@ -64,7 +64,7 @@ def test_killed_campaign_ends_in_the_same_bytes(run, start, tmp_path, recordings
     assert run(*estimate, "-o", f"{tmp_path}/whole-est/").code == 0
     whole = contents(tmp_path / "whole-est")
     resumed = (*estimate, "-o", f"{est}/", "--skip-existing")
-    kill_at_random(start, resumed, est, whole, kills, rng)
+    kill_at_random(fork, resumed, est, whole, kills, rng)
     assert contents(est) == whole
 
 

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.forks import call
 
 from echoset.campaign.machine import parse_bytes
 from echoset.models.errors import ParameterError
@@ -17,12 +18,6 @@ from echoset.models.errors import ParameterError
 ECHOSET = str(Path(sys.executable).parent / "echoset")
 ESTIMATE = ("estimate", "-e", "mean")
 GB = 1 << 30
-
-
-def call(*words: object, **how: object) -> subprocess.CompletedProcess[bytes]:
-    """The installed command as a process."""
-    line = [ECHOSET, *map(str, words)]
-    return subprocess.run(line, capture_output=True, timeout=120, check=False, **how)
 
 
 def refused(found: subprocess.CompletedProcess[bytes], code: int, *words: object) -> None:
@@ -65,7 +60,8 @@ def test_too_few_descriptors(files, tmp_path, number):
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (number, number))
 
-    found = call(*ESTIMATE, *files, "-o", f"{tmp_path}/out/", "-j", 3, preexec_fn=limit)
+    line = [ECHOSET, *ESTIMATE, *map(str, files), "-o", f"{tmp_path}/out/", "-j", "3"]
+    found = subprocess.run(line, capture_output=True, timeout=120, check=False, preexec_fn=limit)
     if found.returncode:
         assert found.returncode in (4, 5, 75), found
         assert b"internal error" not in found.stderr and found.stderr.count(b"\n") == 1, found
@@ -73,10 +69,15 @@ def test_too_few_descriptors(files, tmp_path, number):
 
 
 def without_privileges() -> None:
-    """Have permissions hold for the superuser, too: drop what overrides them."""
+    """Have permissions hold for the superuser, too: drop what overrides them, and for good."""
     libc = ctypes.CDLL(None, use_errno=True)
+    header, sets = (ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)()
+    libc.capget(header, sets)
     for capability in (1, 2):  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
         libc.prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP
+        for which in (0, 1):  # effective, permitted
+            sets[which] &= ~(1 << capability)
+    libc.capset(header, sets)
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -124,15 +125,11 @@ def test_no_room_for_what_comes_through_a_pipe(rec, tmp_path, command):
     """The temporary folder is missing, or takes no more than some bytes."""
     words = {"convert": ("convert", "-"), "estimate": (*ESTIMATE, "-"), "report": ("report", "-")}
     out = ("-o", tmp_path / "x.h5") if command != "report" else ()
-    line = [ECHOSET, *map(str, (*words[command], *out))]
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 
-    found = subprocess.run(
-        line, input=rec.read_bytes(), capture_output=True, timeout=60, check=False,
-        preexec_fn=limit,
-    )  # fmt: skip
+    found = call(*words[command], *out, input=rec.read_bytes(), preexec_fn=limit)
     assert found.returncode == 5 and found.stderr.count(b"\n") == 1, found
     assert b"internal error" not in found.stderr and not (tmp_path / "x.h5").exists()
 

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+from support import forks
 
 ECHOSET = str(Path(sys.executable).parent / "echoset")
 ESTIMATE = ("estimate", "-e", "mean")
@@ -78,8 +79,8 @@ def test_a_signal_is_not_forgotten_where_its_exception_is_changed(command, chang
 
 
 @pytest.mark.parametrize("after", [0.0, 1.0])
-def test_a_stopped_worker_is_killed(start, files, tmp_path, after):
-    process = start(*ESTIMATE, *files, "-o", f"{tmp_path}/out/", "-j", 2, "--set", "delay=10")
+def test_a_stopped_worker_is_killed(fork, files, tmp_path, after):
+    process = fork(*ESTIMATE, *files, "-o", f"{tmp_path}/out/", "-j", 2, "--set", "delay=10")
     out = tmp_path / "out"
     while not out.exists() or len(os.listdir(out)) < 2:
         time.sleep(0.05)
@@ -182,9 +183,9 @@ def test_what_cannot_be_written_is_known_before_the_work(run, rec, tmp_path, opt
     assert not (tmp_path / "e.h5").exists()
 
 
-def test_an_output_that_appears_meanwhile_stays(start, rec, tmp_path):
+def test_an_output_that_appears_meanwhile_stays(fork, rec, tmp_path):
     out = tmp_path / "out"
-    process = start(*ESTIMATE, rec, "-o", out / "x.h5", "--set", "delay=0.1")
+    process = fork(*ESTIMATE, rec, "-o", out / "x.h5", "--set", "delay=0.1")
     while not out.exists() or not os.listdir(out):
         time.sleep(0.02)
     (out / "x.h5").write_text("theirs")
@@ -253,8 +254,8 @@ def test_names_that_are_not_utf8(rec, tmp_path):
     folder = os.fsencode(tmp_path)
     name = b"r\xff\x1b[31m\x07=.h5"
     (tmp_path / os.fsdecode(name)).write_bytes(rec.read_bytes())
-    words = [ECHOSET, *ESTIMATE, name, "-o", b"out/", "--deps", "d", "--summary", "s", "-v"]
-    found = subprocess.run(words, cwd=folder, capture_output=True, timeout=60, check=False)
+    words = [*ESTIMATE, name, "-o", b"out/", "--deps", "d", "--summary", "s", "-v"]
+    found = forks.call(*words, cwd=folder)
     assert found.returncode == 0 and b"\x1b" not in found.stderr, found
     assert rb"r\xff\x1b[31m\x07=.h5: done" in found.stderr
     estimated = b"out/r\xff\x1b[31m\x07=.mean.h5"
@@ -262,13 +263,12 @@ def test_names_that_are_not_utf8(rec, tmp_path):
     rule = estimated.replace(b"=", b"$(or =)").replace(b"[", b"\\[") + b": "
     assert (tmp_path / "d").read_bytes().startswith(rule)
     for command in ("info", "validate"):
-        words = [ECHOSET, command, name]
-        found = subprocess.run(words, cwd=folder, capture_output=True, timeout=60, check=False)
+        found = forks.call(command, name, cwd=folder)
         assert found.returncode == 0 and found.stdout.startswith(rb"r\xff\x1b[31m\x07=.h5: "), found
     (tmp_path / os.fsdecode(name)).write_bytes(b"junk")
-    words = [ECHOSET, *ESTIMATE, name, rec, "-o", b"o2/", "--summary", "s", "--keep-going"]
+    words = [*ESTIMATE, name, rec, "-o", b"o2/", "--summary", "s", "--keep-going"]
     words += ["--log-format", "json"]
-    found = subprocess.run(words, cwd=folder, capture_output=True, timeout=60, check=False)
+    found = forks.call(*words, cwd=folder)
     assert found.returncode == 4, found
     assert all(json.loads(line)["message"] for line in found.stderr.splitlines())
     failure = json.loads((tmp_path / "s").read_text())["failures"][0]

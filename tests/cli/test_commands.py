@@ -103,13 +103,13 @@ def test_truth_changes_nothing(run, rec, tmp_path):
     ).read_bytes()
 
 
-def test_pipe_gives_the_numbers_of_the_file_route(start, command, rec, tmp_path):
+def test_pipe_gives_the_numbers_of_the_file_route(fork, command, rec, tmp_path):
     est, table = tmp_path / "est.mcap", tmp_path / "scores.csv"
     for words in (
         ("estimate", "-e", "mean", rec, "-o", est),
         ("score", est, "--truth", rec, "-m", "rmse,cdf", "-o", table),
     ):
-        assert start(*words).communicate()[1] == b""
+        assert fork(*words).communicate()[1] == b""
     simulate = subprocess.Popen(
         [*command, "simulate", "uwb-los", "--set", "steps=20", "-o", "-"], stdout=subprocess.PIPE
     )

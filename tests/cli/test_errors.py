@@ -187,9 +187,9 @@ def test_special_file_is_not_replaced(run):
 
 @pytest.mark.parametrize("form", ["h5", "mcap"])
 @pytest.mark.parametrize("limit", [0, 4096, 100_000])
-def test_full_disk(start, tmp_path, form, limit):
+def test_full_disk(fork, tmp_path, form, limit):
     """A limit on the size of files stops writing in the middle, as a full disk does."""
-    process = start(
+    process = fork(
         "simulate", "uwb-los", "-o", tmp_path / f"x.{form}",
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
     )  # fmt: skip
@@ -199,8 +199,8 @@ def test_full_disk(start, tmp_path, form, limit):
 
 
 @pytest.mark.parametrize("form", ["h5", "mcap"])
-def test_full_disk_while_estimating(start, rec, tmp_path, form):
-    process = start(
+def test_full_disk_while_estimating(fork, rec, tmp_path, form):
+    process = fork(
         "estimate", "-e", "mean", rec, "-o", tmp_path / f"x.{form}",
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)),
     )  # fmt: skip
@@ -209,10 +209,10 @@ def test_full_disk_while_estimating(start, rec, tmp_path, form):
     assert not os.listdir(tmp_path)
 
 
-def test_full_stdout(start, rec):
+def test_full_stdout(fork, rec):
     for args in (("simulate", "uwb-los", "-o", "-"), ("info", rec)):
         with open("/dev/full", "wb") as full:
-            process = start(*args, stdout=full)
+            process = fork(*args, stdout=full)
             error = process.communicate(timeout=60)[1].decode()
         assert process.returncode == 5 and "No space left" in error
 
@@ -229,10 +229,10 @@ def test_closed_pipe(start, form):
 @pytest.mark.parametrize(
     ("signum", "code"), [(signal.SIGHUP, 129), (signal.SIGINT, 130), (signal.SIGTERM, 143)]
 )
-def test_signal_in_the_middle(start, campaign, tmp_path, jobs, signum, code):
+def test_signal_in_the_middle(fork, campaign, tmp_path, jobs, signum, code):
     folder = tmp_path / "out"
     files = sorted(campaign.glob("*.h5"))
-    process = start(
+    process = fork(
         "estimate", "-e", "mean", *files, "-o", f"{folder}/", "-j", jobs, "--set", "delay=10"
     )  # fmt: skip
     for _ in range(200):

@@ -114,7 +114,7 @@ def _array(old: Any, rng: Rng) -> Any:
         with np.errstate(all="ignore"):
             return new.astype(TYPES[rng.integers(len(TYPES))])
     if way == 4:
-        return new[::-1].copy()
+        return new[::-1].copy() if new.ndim else new
     if way == 5:
         return new[: rng.integers(len(new) + 1)] if new.ndim else new
     if way == 6:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from echoset.metrics.class_log_loss import LEAST, METRIC
+from echoset.metrics.accuracy import LEAST, LOG_LOSS
 from echoset.models.errors import InputError
 
 TRUTH = [{1: (0.0, 0.0), 2: (20.0, 0.0)}] * 2
@@ -31,7 +31,7 @@ def pair(scene):
 def score(pair, p, names=("pedestrian", "vehicle")):
     estimates, recording = pair
     objects = classed(estimates.objects, p.argmax(1), names, p)
-    found = METRIC.score(replace(estimates, objects=objects), recording, METRIC.Params())
+    found = LOG_LOSS.score(replace(estimates, objects=objects), recording, LOG_LOSS.Params())
     return found, found.value[np.isnan(found.time)].tolist()
 
 
@@ -60,4 +60,4 @@ def test_without_probabilities(pair):
     estimates, recording = pair
     objects = classed(estimates.objects, [0, 0, 1, 0, 1])
     with pytest.raises(InputError, match="the estimates have no probabilities of classes"):
-        METRIC.score(replace(estimates, objects=objects), recording, METRIC.Params())
+        LOG_LOSS.score(replace(estimates, objects=objects), recording, LOG_LOSS.Params())

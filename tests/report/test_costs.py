@@ -12,7 +12,7 @@ from echoset.metrics.kit.table import rows
 from echoset.models.records import Scores
 from echoset.report import gaps, plots
 
-RUNS, STEPS = 2, 40_000
+RUNS, STEPS = 2, 10_000
 
 
 def test_bytes_of_a_row(tmp_path):

@@ -16,6 +16,20 @@ import pytest
 
 from echoset.cli.main import main
 from echoset.models import registry
+from support.forks import Forked
+
+__all__ = [
+    "campaign",
+    "command",
+    "empty",
+    "environment",
+    "files",
+    "fork",
+    "plugins",
+    "rec",
+    "run",
+    "start",
+]
 
 TIME = re.compile(r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ echoset: ", re.MULTILINE)
 
@@ -169,6 +183,17 @@ def start(command: list[str]) -> Callable[..., subprocess.Popen[bytes]]:
     def popen(*args: object, **kwargs: object) -> subprocess.Popen[bytes]:
         words = [*command, *map(str, args)]
         return subprocess.Popen(words, stderr=subprocess.PIPE, env=os.environ, **kwargs)
+
+    return popen
+
+
+@pytest.fixture
+def fork() -> Callable[..., subprocess.Popen[bytes]]:
+    """As ``start``, sooner: a process that is forked off the tests."""
+
+    def popen(*args: object, **kwargs: object) -> subprocess.Popen[bytes]:
+        words = [str(a) for a in args]
+        return Forked(words, stderr=subprocess.PIPE, env=os.environ, **kwargs)
 
     return popen
 

@@ -17,6 +17,8 @@ from .params import LEARNABLE, Params
 
 CLIMBS = 12
 """Steps of a climb at most."""
+TAILS = (2.0, 1.0)
+"""Degrees of freedom of noise with longer tails."""
 LEAST_GAIN = 0.1
 """Nats that a step of a climb must gain."""
 _log = logging.getLogger(__name__)
@@ -48,6 +50,13 @@ class Search:
                 self.best, moved = other, True
             if moved:
                 break
+
+    def try_tails(self) -> None:
+        """Take longer tails of the noise where they gain."""
+        for tail in TAILS:
+            other = replace(self.best, tail=tail)
+            if tail < self.best.tail and self.worth(other) > self.worth(self.best) + GAIN:
+                self.best = other
 
     def explain(self, params: Params, may_learn_height: bool) -> None:
         """Take the model that is worth most."""
@@ -109,6 +118,7 @@ def choose(
         # errors that stay for a while look like less noise to an evidence that takes them for
         # white, so that noise is never less than told, and never walks less
         if "sigma" in wanted:
+            search.try_tails()
             search.climb("sigma_factor", factor, down=False)
         if "acceleration" in wanted:
             search.climb("acceleration_std", factor**2)

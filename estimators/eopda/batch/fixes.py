@@ -39,12 +39,18 @@ def fixes(
     step = max(size // 2, -(-M // MOST))
     rows = np.arange(0, M - size + 1, step)[:, None] + np.arange(size)
     place, z = data.place[rows], data.z[rows]
+    other, is_difference = data.other[rows], data.reference[rows] >= 0
     at = time[data.step[rows]]
-    std = np.sqrt(data.std[rows] ** 2 + excess_std**2 + (speed * (at - at.mean(1)[:, None])) ** 2)
+    std = np.sqrt(
+        data.std[rows] ** 2
+        + data.shared[rows] ** 2
+        + excess_std**2
+        + (speed * (at - at.mean(1)[:, None])) ** 2
+    )
     x = np.broadcast_to(_starts(centre, reach), (len(rows), 17, 2))
-    drop = (place[..., 2] - height) ** 2
+    both = place, other, is_difference, height
     for factor in ANNEAL:
-        d, u = _lengths(x, place, drop)
+        d, u = _lengths(x, *both)
         r = (z[:, None] - d) / (factor * std[:, None])
         w = 1 / (1 + r**2) / (factor * std[:, None]) ** 2
         J = np.einsum("wsm,wsmi,wsmj->wsij", w, u, u) + 1e-4 * w.sum(-1)[..., None, None] * np.eye(
@@ -54,7 +60,7 @@ def fixes(
         move = np.linalg.solve(J, g[..., None])[..., 0]
         far = np.linalg.norm(move, axis=-1, keepdims=True)
         x = x + move / np.maximum(1.0, far / (reach / 4))
-    d, _ = _lengths(x, place, drop)
+    d, _ = _lengths(x, *both)
     cost = np.log1p(((z[:, None] - d) / std[:, None]) ** 2).sum(-1)
     return Fixes(at.mean(1), _path(x, cost, at.mean(1), speed, std.mean()))
 
@@ -66,9 +72,21 @@ def _starts(centre: Array, reach: float) -> Array:
     return centre + np.concatenate((np.zeros((1, 2)), 0.4 * reach * ring, 0.9 * reach * ring))
 
 
-def _lengths(x: Array, place: Array, drop: Array) -> tuple[Array, Array]:
-    """Distances (W, S, M) and their gradients (W, S, M, 2)."""
+def _lengths(
+    x: Array, place: Array, other: Array, is_difference: Array, height: float
+) -> tuple[Array, Array]:
+    """Distances, or differences of two, (W, S, M), and their gradients (W, S, M, 2)."""
+    d, u = _distances(x, place, height)
+    if is_difference.any():
+        off, v = _distances(x, other, height)
+        d = d - is_difference[:, None] * off
+        u = u - is_difference[:, None, :, None] * v
+    return d, u
+
+
+def _distances(x: Array, place: Array, height: float) -> tuple[Array, Array]:
     away = x[:, :, None] - place[:, None, :, :2]
+    drop = (place[..., 2] - height) ** 2
     d = np.maximum(np.sqrt((away**2).sum(-1) + drop[:, None]), 1e-6)
     return d, away / d[..., None]
 

@@ -34,13 +34,14 @@ class Layout:
     height: int
     scale: int
     bias: int
+    shared: int
 
     @staticmethod
     def of(data: Data, params: Params, height_known: bool) -> Layout:
         """The layout for these data."""
         size, found = 4, {}
         wanted = {
-            "heading": bool(data.increments),
+            "heading": bool(data.increments) or bool(data.offset.any()),
             "height": not height_known,
             "scale": params.range_scale_std > 0,
         }
@@ -48,7 +49,14 @@ class Layout:
             found[name] = size if is_wanted else -1
             size += is_wanted
         bias = size if params.range_bias_std > 0 else -1
-        return Layout(size + (data.anchors if bias >= 0 else 0), **found, bias=bias)
+        size += data.anchors if bias >= 0 else 0
+        shared = size if data.shared.any() else -1
+        return Layout(size + (shared >= 0), **found, bias=bias, shared=shared)
+
+    @property
+    def biases(self) -> slice:
+        """Where the offsets of the anchors stand."""
+        return slice(self.bias, self.size - (self.shared >= 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,14 +112,21 @@ class Motion:
         if L.scale >= 0:
             P[L.scale, L.scale] = params.range_scale_std**2
         if L.bias >= 0:
-            own = slice(L.bias, d)
-            spread = params.range_bias_spread**2 * np.eye(d - L.bias)
-            P[own, own] = params.range_bias_std**2 + spread + STATIC**2 * np.eye(d - L.bias)
+            own, I = L.biases, np.eye(data.anchors)
+            spread = params.range_bias_spread**2 * I
+            P[own, own] = params.range_bias_std**2 + spread + STATIC**2 * I
             walk[own] = max(params.range_bias_walk, STATIC)
         dt = np.maximum(data.seconds, SHORTEST)
         F, W = np.tile(np.eye(d), (len(dt), 1, 1)), np.zeros((len(dt), d, d))
         k, q = np.arange(4, d), params.acceleration_std**2 * STEP
         W[:, k, k] = 1 / (walk[4:] ** 2 * dt[:, None])
+        if L.shared >= 0:
+            # new at each time, and as certain as it is told there
+            noise = np.full(len(data.time_ns), float(data.shared.max()))
+            noise[data.step] = np.where(data.shared > 0, data.shared, noise[data.step])
+            P[L.shared, L.shared] = noise[0] ** 2
+            F[:, L.shared, L.shared] = 0.0
+            W[:, L.shared, L.shared] = noise[1:] ** -2.0
         for j in (0, 1):
             F[:, j, j + 2] = dt
             W[:, j, j], W[:, j + 2, j + 2] = 12 / (q * dt**3), 4 / (q * dt)

@@ -34,6 +34,8 @@ DONE = 1e-4
 """A step that gains less [nats], per square root of the number of times, is the last."""
 MOST_DAMPING = 1e6
 """Damping with which no step is taken, in units of what ranges tell on average."""
+BLOCK = 2000
+"""Times whose ranges are taken together."""
 SMALL = 1e-4
 """Step of a residual by which the loss is differentiated."""
 
@@ -56,20 +58,36 @@ class Problem:
         """Predicted ranges (M,) of a trajectory (n, d), and their gradients (M, d)."""
         D, L = self.data, self.layout
         own, m = x[D.step], np.arange(len(D.step))
-        away = own[:, :2] - D.place[:, :2]
-        rise = (own[:, L.height] if L.height >= 0 else self.height) - D.place[:, 2]
-        d = np.maximum(np.sqrt((away**2).sum(1) + rise**2), 1e-6)
+        h = own[:, L.height] if L.height >= 0 else np.full(len(m), self.height)
+        p, turned = own[:, :2], np.zeros((len(m), 2))
+        if L.heading >= 0:
+            c, s = np.cos(own[:, L.heading]), np.sin(own[:, L.heading])
+            x_, y_ = D.offset.T
+            arm = np.stack((c * x_ - s * y_, s * x_ + c * y_), 1)
+            p, turned = p + arm, np.stack((-arm[:, 1], arm[:, 0]), 1)
+        d, u = _distances(p, h, D.place)
+        k = np.flatnonzero(D.reference >= 0)
+        off, v = _distances(p[k], h[k], D.other[k])
+        d[k], u[k] = d[k] - off, u[k] - v
         longer = 1.0 + own[:, L.scale] if L.scale >= 0 else np.ones(len(d))
         H = np.zeros((len(d), L.size))
-        H[:, :2] = (longer / d)[:, None] * away
+        H[:, :2] = longer[:, None] * u[:, :2]
         z = longer * d
+        if L.heading >= 0:
+            H[:, L.heading] = (H[:, :2] * turned).sum(1)
         if L.height >= 0:
-            H[:, L.height] = longer * rise / d
+            H[:, L.height] = longer * u[:, 2]
         if L.scale >= 0:
             H[:, L.scale] = d
         if L.bias >= 0:
             z = z + own[m, L.bias + D.anchor]
             H[m, L.bias + D.anchor] = 1.0
+            z[k] -= own[k, L.bias + D.reference[k]]
+            H[k, L.bias + D.reference[k]] = -1.0
+        if L.shared >= 0:
+            k = np.flatnonzero(D.shared > 0)
+            z[k] -= own[k, L.shared]
+            H[k, L.shared] = -1.0
         return z, H
 
     @property
@@ -115,9 +133,12 @@ class Problem:
     def _add(self, chain: Chain, H: Array, information: Array) -> None:
         """Add the information (M,) of ranges to the diagonal of a chain."""
         first, at = self._groups()
-        if len(first):
-            both = (H * information[:, None])[:, :, None] * H[:, None, :]
-            chain.D[at] += np.add.reduceat(both, first)
+        ends = np.append(first, len(H))
+        for start in range(0, len(first), BLOCK):
+            own = slice(ends[start], ends[min(start + BLOCK, len(first))])
+            both = (H[own] * information[own, None])[:, :, None] * H[own, None, :]
+            here = first[start : start + BLOCK]
+            chain.D[at[start : start + BLOCK]] += np.add.reduceat(both, here - own.start)
 
     def minimise(self, x: Array, widen: float = 1.0, most: int = STEPS) -> tuple[Array, float]:
         """A local minimum by damped Gauss-Newton steps from ``x`` (n, d), and its cost."""
@@ -176,3 +197,10 @@ class Problem:
             lever = np.einsum("mi,mij,mj->m", H, P[self.data.step], H, optimize=True)
             taken = min(float(np.mean(lever * own / std**2)), 0.9)
         return P
+
+
+def _distances(p: Array, height: Array, place: Array) -> tuple[Array, Array]:
+    """Distances (M,) of points (M, 2) at a ``height`` (M,) to places (M, 3); gradients (M, 3)."""
+    away = np.column_stack((p, height)) - place
+    d = np.maximum(np.linalg.norm(away, axis=1), 1e-6)
+    return d, away / d[:, None]

@@ -8,7 +8,7 @@ Hessian. Only direct ranges count: false ones are left to the tails of the noise
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -17,15 +17,16 @@ import numpy as np
 from ....models.errors import EstimatorError, InputError
 from ....models.records import Array, Estimates, Recording, Scan
 from ..links import Network, network
+from ..odometry import odometry_of
 from ..start import MARGIN
 from ..state import Height, first_height
+from .body import offsets
 from .choose import Explanation, choose, explanations
 from .fixes import fixes
 from .gather import Data, gather
-from .motion import Layout
 from .params import Params
 from .show import shown
-from .solution import Solution, problem_of, solution, starts
+from .solution import Solution, carried, problem_of, solution, starts
 
 SUMMARY = "a device or tag from all its ranges at once: robust least squares over the recording"
 STREAMS = ("uwb", "odometry")
@@ -50,23 +51,18 @@ def estimate(
     InputError : there is no direct range
     EstimatorError : no trajectory of least cost is found
     """
-    net = network(
-        setup,
-        params.device,
-        params.rms_bandwidth,
-        params.amplitude_threshold,
-        params.sigma,
-        params.sigma_factor,
-        params.range_bias,
-    )
-    data = gather(net, scans, _odometry(setup), params)
+    body = offsets(params.tags)
+    nets = [(_network(setup, tag, params), place) for tag, place in body.items()]
+    nets = nets or [(_network(setup, params.device, params), np.zeros(2))]
+    net = nets[0][0]
+    data = gather(nets, scans, odometry_of(setup, params.device), params)
     if not len(data.time_ns):
         return
     if not len(data.z):
         raise InputError(f"{net.name}: no active link has a range: nothing to estimate from")
     found: dict[str, Any] = {}
     if params.max_range is None:
-        found["max_range"] = round(MARGIN * max(float(data.z.max()), 1e-3), 2)
+        found["max_range"] = _reach(data)
         params = replace(params, max_range=found["max_range"])
     models = [Explanation("", params, 0.0)]
     if params.learn:
@@ -75,7 +71,9 @@ def estimate(
         best, learnt = choose(params, _evidence(net, head), may)
         models = explanations(best, params, may)
         found |= learnt
-    solutions = [solve(net, data, model.params) for model in models]
+    solutions: list[Solution] = []
+    for model in models:
+        solutions.append(solve(net, data, model.params, solutions[-1] if solutions else None))
     weights = np.ones(1)
     if len(models) > 1:
         weights = _weights(solutions)
@@ -98,8 +96,20 @@ def _weights(solutions: list[Solution]) -> Array:
     return np.asarray(w / w.sum())
 
 
-def solve(net: Network, data: Data, params: Params, near: Sequence[Solution] = ()) -> Solution:
-    """The trajectory of least cost; ``near`` are solutions for other parameters.
+def _network(setup: Recording, device: str | None, params: Params) -> Network:
+    return network(
+        setup,
+        device,
+        params.rms_bandwidth,
+        params.amplitude_threshold,
+        params.sigma,
+        params.sigma_factor,
+        params.range_bias,
+    )
+
+
+def solve(net: Network, data: Data, params: Params, near: Solution | None = None) -> Solution:
+    """The trajectory of least cost; ``near`` is one for other parameters.
 
     Raises
     ------
@@ -108,12 +118,11 @@ def solve(net: Network, data: Data, params: Params, near: Sequence[Solution] = (
     data = replace(data, std=data.std * params.sigma_factor / net.sigma_factor)
     corners = np.unique(data.place[:, :2], axis=0)
     centre = (corners.min(0) + corners.max(0)) / 2
-    reach = float(np.linalg.norm(corners.max(0) - corners.min(0)) / 2 + data.z.max())
+    reach = float(np.linalg.norm(corners.max(0) - corners.min(0)) / 2) + _reach(data)
     height = first_height(net, params)
     problem = problem_of(data, params, height, centre, reach)
-    for other in near:
-        if other.problem.layout == problem.layout:
-            return Solution(problem, *problem.minimise(other.x))
+    if near is not None:
+        return Solution(problem, *problem.minimise(carried(near, problem)))
     loose = params.range_bias_std + params.range_scale_std * float(np.median(data.z))
     path = fixes(data, _middle(height), loose, params.speed_std, centre, reach)
     best = solution(problem, starts(problem, path))
@@ -122,17 +131,12 @@ def solve(net: Network, data: Data, params: Params, near: Sequence[Solution] = (
     return best
 
 
-def _odometry(setup: Recording) -> str | None:
-    """The name of the stream of odometry, if there is one.
-
-    Raises
-    ------
-    InputError : there are several
-    """
-    names = sorted(name for name, s in setup.streams.items() if s.kind == "odometry")
-    if len(names) > 1:
-        raise InputError(f"{setup.meta.name}: needs one stream of odometry, has {' '.join(names)}")
-    return names[0] if names else None
+def _reach(data: Data) -> float:
+    """The largest range and a margin [m]; with differences alone, how far apart anchors are."""
+    ranges = data.z[data.reference < 0]
+    corners = np.unique(data.place, axis=0)
+    apart = float(np.linalg.norm(corners.max(0) - corners.min(0)))
+    return round(MARGIN * max(float(ranges.max()) if len(ranges) else apart, 1e-3), 2)
 
 
 def _middle(height: Height) -> float:
@@ -141,12 +145,12 @@ def _middle(height: Height) -> float:
 
 def _evidence(net: Network, data: Data) -> Callable[[Params], float]:
     """The evidence [nats] of parameters; trajectories are found from those for others."""
-    near: dict[Layout, Solution] = {}
+    near: list[Solution] = []
 
     def evidence(params: Params) -> float:
         try:
-            best = solve(net, data, params, list(near.values()))
-            near[best.problem.layout] = best
+            best = solve(net, data, params, near[0] if near else None)
+            near[:] = [best]
             return best.problem.evidence(best.x, best.cost)
         except (EstimatorError, np.linalg.LinAlgError):
             return -np.inf

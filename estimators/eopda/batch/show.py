@@ -62,10 +62,12 @@ def _rows(best: Solution) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
             names, units, rows = [*names, name], [*units, unit], [*rows, np.eye(L.size)[k]]
     if L.bias >= 0:
         mean = np.zeros(L.size)
-        mean[L.bias :] = 1 / (L.size - L.bias)
+        mean[L.biases] = 1 / best.problem.data.anchors
         names, units, rows = [*names, "range_bias"], [*units, "m"], [*rows, mean]
-    names, units = [*names, "device_x", "device_y"], [*units, "m", "m"]
-    return tuple(names), tuple(units), np.array([*rows, rows[0], rows[1]])
+    if not best.problem.data.offset.any():
+        names, units = [*names, "device_x", "device_y"], [*units, "m", "m"]
+        rows += rows[:2]
+    return tuple(names), tuple(units), np.array(rows)
 
 
 def _regular(P: Array) -> Array:

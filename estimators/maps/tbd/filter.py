@@ -22,10 +22,10 @@ from ....models.errors import EstimatorError
 from ....models.records import Array, Estimates, Objects, Recording, Scan
 from ..choice import Choice
 from ..params import MAPS
-from .moves import born, rethought, without
+from .moves import CROWD, born, needed, overlapping, rethought, without
 from .params import Params
 from .scene import Layout, View
-from .targets import Targets, predict, update
+from .targets import GAIN, SURE, YOUNG, Targets, predict, update
 
 __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
 SUMMARY = "Track-before-detect in range-angle maps of base stations, by the likelihood of all cells"
@@ -34,6 +34,10 @@ PRESETS: dict[str, dict[str, object]] = {}
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
 MEMORY = 0.7
 """What the evidence of a place keeps from scan to scan."""
+SOON = 1, 3, 6, 10
+"""Ages in scans at which what is new beside another target is explained anew."""
+OVERLAP = 6.0
+"""Log-odds of existence that a target loses in a scan in which its body overlaps another."""
 FIRST, LATER = 30, 2
 """Places at which new targets are looked for, in the first scan and in others."""
 
@@ -69,20 +73,48 @@ def step(
     view = View.of(layout, scans, setup).shown(targets.kind, targets.vectors)
     mean = view.mean(targets.kind, targets.vectors)
     targets, mean = update(targets, view, mean, params)
-    gone = np.flatnonzero(targets.exists < -params.birth_price)
+    exists = targets.exists - OVERLAP * overlapping(targets, params)
+    targets = replace(targets, exists=exists)
+    gone = np.flatnonzero(exists < -params.birth_price)
     if len(gone):
         targets, mean = without(targets, view, mean, gone)
+    targets = _doubted(targets, view, mean, params)
     evidence = MEMORY * state.evidence + (1 - MEMORY) * view.gains(mean, params.shape)
     most = FIRST if state.time_ns is None else LATER
     if state.time_ns is None:
         evidence /= 1 - MEMORY
     targets, free = born(targets, view, mean, evidence, state.free, most, params)
-    due = np.flatnonzero((targets.age + targets.label) % params.rethink == 1)
+    due = np.flatnonzero(_due(targets, params))
     for label in targets.label[due].tolist():
         about = np.flatnonzero(targets.label == label)
         if len(about):
             targets, mean, free = rethought(targets, view, mean, int(about[0]), free, params)
     return State(targets, evidence, free, time_ns, state.turn + 1)
+
+
+def _doubted(targets: Targets, view: View, mean: Array, params: Params) -> Targets:
+    """The targets, those that are young or unsure beside others less sure if these do without."""
+    crowded, young = _crowded(targets), targets.age <= YOUNG
+    exists = targets.exists.copy()
+    for i in np.flatnonzero(crowded & (young | (targets.exists < SURE))):
+        gain = needed(targets, view, mean, int(i), params) - params.live_price
+        exists[i] = min(exists[i] + min(np.clip(gain, -GAIN, GAIN), 0.0), SURE)
+    return replace(targets, exists=exists)
+
+
+def _crowded(targets: Targets) -> Array:
+    """Which targets (n,) have another near them."""
+    x, y = targets.m[:, :2].T
+    d = np.hypot(x[:, None] - x, y[:, None] - y)
+    return np.asarray(np.count_nonzero(d < CROWD, axis=0) > 1)
+
+
+def _due(targets: Targets, params: Params) -> Array:
+    """Which targets (n,) are explained anew: after some scans, and new ones beside others."""
+    crowded = _crowded(targets)
+    often = (targets.age + targets.label) % params.rethink == 0
+    due: Array = (np.isin(targets.age, SOON) & crowded) | (often & (targets.age > 1))
+    return due
 
 
 def estimate(

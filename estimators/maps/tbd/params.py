@@ -63,7 +63,7 @@ class Params(BodyParams, FusionParams):
         within="(0, inf)",
     )
     weight: float = parameter(
-        0.2,
+        0.1,
         "1",
         "independent cells for one of the map: what an echo spreads over fluctuates together",
         within="(0, 1]",
@@ -78,7 +78,10 @@ class Params(BodyParams, FusionParams):
         0.3, "m s-1", "deviation of a vehicle's speed across its heading", within="(0, inf)"
     )
     std_brightness: float = parameter(
-        0.3, "1", "deviation of a target's log brightness from its class", within="(0, inf)"
+        0.3,
+        "1",
+        "deviation of a target's log brightness from what a body of its class has",
+        within="(0, inf)",
     )
     brightness_time: float = parameter(2.0, "s", "time over which it changes", within="(0, inf)")
     std_speed: float = parameter(
@@ -88,13 +91,13 @@ class Params(BodyParams, FusionParams):
         0.5, "m", "spacing of the places where targets are looked for", within="(0, inf)"
     )
     birth_price: float = parameter(
-        10.0, "1", "log-likelihood, by independent cells, that a new target must add"
+        6.0, "1", "log-likelihood, by independent cells, that a new target must add"
     )
     live_price: float = parameter(
-        1.0, "1", "the same that a target must add in every scan to be held", within="[0, inf)"
+        0.5, "1", "the same that a target must add in every scan to be held", within="[0, inf)"
     )
     rethink: int = parameter(
-        10, "1", "scans after which a target is explained anew", within="[1, inf)"
+        40, "1", "scans after which a target is explained anew", within="[1, inf)"
     )
     extract_existence: float = parameter(
         0.5, "1", "least probability of existence of what is shown", within="[0, 1)"

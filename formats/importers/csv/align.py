@@ -32,6 +32,8 @@ _HEIGHT, _OFFSET = (4,), (5,)
 """What is not fitted where a height alone, or an offset alone, explains the ranges."""
 _ALIKE = 1.3
 """Ratio of typical residuals up to which the simpler explanation will do."""
+_BEGINS = 16
+"""Beginnings, the best of all, that are followed."""
 _LEAST = 30
 """Ranges without which nothing is fitted."""
 
@@ -81,9 +83,10 @@ def align(
         for delay in np.arange(-_SHIFT, _SHIFT + 1, 2.0) if mode != "rigid" else [0.0]:
             begins.append(np.array([theta, *shift, delay, 0.0, 1.0])[free])
     said: dict[str, Any] = {"loss": "soft_l1", "f_scale": _SOFT}
+    begins.sort(key=lambda b: float(np.sum(np.sqrt(1 + (residuals(b, every) / _SOFT) ** 2))))
     coarse = [
         least_squares(residuals, b, args=(every,), x_scale="jac", max_nfev=30, **said)
-        for b in begins
+        for b in begins[:_BEGINS]
     ]
     best = min(coarse, key=lambda fit: float(fit.cost)).x
     full = _full(best, free)

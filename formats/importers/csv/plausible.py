@@ -22,6 +22,8 @@ from .log import Log
 _log = logging.getLogger(__name__)
 _STEP = 0.4
 """Deviation from the line between neighbours that is never told [m]."""
+_WIDE = 20
+"""Usual intervals between two neighbours beyond which nothing is told of what is between."""
 _SIGMAS = 8.0
 """Standard deviations, by the median, from which on a deviation is told."""
 _SLACK = 0.5
@@ -166,8 +168,9 @@ def against_ranges(
         rx = stream.scan["rx"][event]
         off = np.zeros(len(d))
         for one in np.unique(rx).tolist():
-            a = sensors[stream.nodes[one]].position[:1, :2]
-            own = rx == one
+            own, anchor = rx == one, sensors[stream.nodes[one]]
+            at = anchor.time_ns * 1e-9
+            a = np.column_stack([np.interp(t[own], at, anchor.position[:, k]) for k in (0, 1)])
             off[own] = d[own] - np.linalg.norm(p[own] - a, axis=1)
         middle = float(np.median(off))
         spread = float(1.4826 * np.median(np.abs(off - middle)))
@@ -286,6 +289,8 @@ def outliers(time: Array, values: Array) -> Array:
     w = np.clip(w, -1.0, 2.0)
     line = values[before] + w[:, None] * (values[after] - values[before])
     off = np.linalg.norm(values - line, axis=1)
+    step = np.diff(time)
+    off[np.abs(span) > _WIDE * float(np.median(step))] = 0.0
     limit = np.full(k, max(_STEP, _SIGMAS * 1.4826 * float(np.median(off))))
     limit[[0, -1]] *= 2
     peak = np.ones(k, bool)

@@ -14,7 +14,7 @@ from .log import Log
 from .mapping import Tables
 from .units import quantity, turn
 
-_QUATERNION = ("qx", "qy", "qz", "qw")
+QUATERNION = ("qx", "qy", "qz", "qw")
 
 
 def sensor(spec: Any, kind: str, F: Array, S: Array, tables: Tables, where: str) -> Sensor:
@@ -25,7 +25,7 @@ def sensor(spec: Any, kind: str, F: Array, S: Array, tables: Tables, where: str)
     that tells a yaw or nothing is level, whichever way the axes call up.
     """
     if isinstance(spec, Mapping) and "file" in spec:
-        optional = ("z", "yaw", *_QUATERNION)
+        optional = ("z", "yaw", *QUATERNION)
         return _moving(tables.read(spec, ("time", "x", "y"), optional, where), kind, F, S)
     yaw = np.zeros(1)
     if isinstance(spec, Mapping) and ("lat" in spec or "lon" in spec):
@@ -69,16 +69,24 @@ def _moving(table: Log, kind: str, F: Array, S: Array) -> Sensor:
     again[order[1:]] = np.diff(time[order]) == 0
     table.refuse("time", again, "is the time of another pose")
     p = _position(F, *(table.values(axis) for axis in "xyz" if axis in table))
-    if any(key in table for key in _QUATERNION):
-        if "yaw" in table or not all(key in table for key in _QUATERNION):
-            raise ParameterError("poses need yaw or all of qx qy qz qw")
-        q = np.column_stack([table.values(key) for key in _QUATERNION])
-        norm = np.linalg.norm(q, axis=1)
-        table.refuse("qw", np.abs(norm - 1) > 1e-3, "belongs to a quaternion of norm other than 1")
-        q = _turned(q / norm[:, None], F, S)
+    q = quaternions(table)
+    if q is not None:
+        q = _turned(q, F, S)
     else:
         q = _level(table.values("yaw") if "yaw" in table else np.zeros(len(time)), F, S)
     return Sensor(kind, time[order], p[order], q[order])
+
+
+def quaternions(table: Log) -> Array | None:
+    """Unit quaternions (m, 4), x y z w, of a table that tells any, or None."""
+    if not any(key in table for key in QUATERNION):
+        return None
+    if "yaw" in table or not all(key in table for key in QUATERNION):
+        raise ParameterError("poses need yaw or all of qx qy qz qw")
+    q = np.column_stack([table.values(key) for key in QUATERNION])
+    norm = np.linalg.norm(q, axis=1)
+    table.refuse("qw", np.abs(norm - 1) > 1e-3, "belongs to a quaternion of norm other than 1")
+    return np.asarray(q / norm[:, None])
 
 
 def _position(F: Array, x: Array, y: Array, z: Array | None = None) -> Array:

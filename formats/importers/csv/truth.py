@@ -15,6 +15,7 @@ from . import plausible
 from .align import MODES
 from .log import Log, loose
 from .mapping import Tables
+from .poses import QUATERNION, quaternions
 from .reading import Reading
 from .units import quantity, turn
 
@@ -32,6 +33,7 @@ class TruthReading(Reading):
     align: str = ""
     clock: Any = field(default_factory=dict)
     transform: Any = field(default_factory=dict)
+    device: Any = None
 
     def __post_init__(self) -> None:
         Reading.__post_init__(self)
@@ -42,6 +44,9 @@ class TruthReading(Reading):
         )
         ok = ok and len(set(self.labels.values())) == len(self.labels)
         require(ok, "labels", "a mapping of names to different whole numbers", self.labels)
+        ok = self.device is None or (isinstance(self.device, list | tuple))
+        ok = ok and (self.device is None or len(self.device) in (2, 3))
+        require(ok, "device", "[x, y] or [x, y, z] on the body", self.device)
         for key in ("clock", "transform"):
             value = getattr(self, key)
             require(isinstance(value, Mapping), key, "a mapping", value)
@@ -95,7 +100,7 @@ def read(spec: object, F: Array, tables: Tables) -> Truth:
     A row whose state is empty is no object: its time is known, and without it.
     """
     reading = tables.reading(spec, TruthReading, "truth")
-    table = tables.log(reading, ("time",), (*STATE, "label"), "truth")
+    table = tables.log(reading, ("time",), (*STATE, "label", "yaw", *QUATERNION), "truth")
     names = [name for name in STATE if name in table]
     for x, y in (("x", "y"), ("vx", "vy"), ("device_x", "device_y")):
         if (x in names) != (y in names):
@@ -103,6 +108,8 @@ def read(spec: object, F: Array, tables: Tables) -> Truth:
     if not names:
         raise ParameterError(f"truth: columns need some of {' '.join(STATE)}")
     columns, there = table.detections(names, ())
+    if reading.device is not None:
+        names += [n for n in _mounted(table, reading, columns) if n not in names]
     if reading.transform:
         resolve(Transform, ("truth.transform", reading.transform)).to_ours(columns)
     for x, y in (("x", "y"), ("vx", "vy"), ("device_x", "device_y")):
@@ -127,6 +134,26 @@ def read(spec: object, F: Array, tables: Tables) -> Truth:
     state = np.column_stack([columns[name] for name in names])[order]
     units = tuple(STATE[name] for name in names)
     return Truth(Objects(times, offset, label[order], tuple(names), units, state))
+
+
+def _mounted(table: Log, reading: TruthReading, columns: dict[str, Array]) -> tuple[str, str]:
+    """Add to ``columns`` where the device on the body is, by the heading of the body."""
+    if "x" not in columns or "device_x" in columns:
+        raise ParameterError("truth: device needs x and y of the body, not device_x and device_y")
+    at = [quantity(v, "x", "truth.device") for v in reading.device]
+    q = quaternions(table)
+    if q is None and "yaw" not in table:
+        raise ParameterError("truth: device needs the heading of the body, yaw or qx qy qz qw")
+    if q is None:
+        yaw = table.values("yaw")
+        R = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        off = np.einsum("ijm,j->mi", R, np.array(at[:2]))
+    else:
+        from scipy.spatial.transform import Rotation
+
+        off = Rotation.from_quat(q).apply(np.array([*at, 0.0][:3]))
+    columns["device_x"], columns["device_y"] = columns["x"] + off[:, 0], columns["y"] + off[:, 1]
+    return "device_x", "device_y"
 
 
 def _labels(table: Log, reading: TruthReading, there: Array) -> Array:

@@ -17,7 +17,7 @@ from echoset.estimators.eopda.batch.chain import (
     log_determinant,
     solve,
 )
-from echoset.estimators.eopda.batch.gather import Data
+from echoset.estimators.eopda.batch.gather import PER_RANGE, Data
 from echoset.estimators.eopda.batch.motion import Layout, Motion
 from echoset.estimators.eopda.batch.params import Params
 from echoset.estimators.eopda.batch.problem import Problem
@@ -78,7 +78,8 @@ def ranges(x: np.ndarray, rng: np.random.Generator, dt: float = 0.2, std: float 
     place = np.hstack((ANCHORS, np.zeros((J, 1))))[anchor]
     z = np.linalg.norm(x[step, :2] - place[:, :2], axis=1) + std * rng.normal(size=n * J)
     time_ns = np.rint(np.arange(n) * dt * 1e9).astype(np.int64)
-    return Data(time_ns, J, step, anchor, place, z, np.full(n * J, std), ())
+    none = np.full(n * J, -1), np.zeros((n * J, 3)), np.zeros(n * J), np.zeros((n * J, 2))
+    return Data(time_ns, J, step, anchor, place, z, np.full(n * J, std), *none, ())
 
 
 def problem(data: Data, params: Params) -> Problem:
@@ -111,12 +112,18 @@ def told(n: int, rng: np.random.Generator) -> tuple[Increment, ...]:
 def test_the_slope_is_that_of_the_cost_by_finite_differences() -> None:
     rng = np.random.default_rng(3)
     data = ranges(walk(6, rng), rng)
+    # the first anchor's distance is taken off those of the last, whose noise it shares
+    last = data.anchor == 3
+    other = np.where(last[:, None], [0.0, 0.0, 1.5], 0.0)
+    reference, shared = np.where(last, 0, -1), np.where(last, 0.2, 0.0)
     data = replace(data, increments=told(6, rng), place=data.place + UP)
+    offset = rng.normal(size=(24, 2))
+    data = replace(data, reference=reference, other=other, shared=shared, offset=offset)
     params = replace(
         PLAIN, tail=3.0, range_bias_std=0.2, range_scale_std=0.05, device_height_std=1.0
     )
     own = problem(data, params)
-    assert own.layout.size == 4 + 3 + 4
+    assert own.layout.size == 4 + 3 + 4 + 1
     x = rng.normal(size=(6, own.layout.size))
     # what hardly changes would cost so much that differences drown in rounding
     x[:, 5:] = x[0, 5:] + 1e-4 * x[:, 5:]
@@ -232,7 +239,7 @@ def test_a_device_that_moves_past_one_anchor_is_uncertain() -> None:
     rng = np.random.default_rng(8)
     data = ranges(walk(30, rng), rng)
     one = data.anchor == 0
-    columns = {name: getattr(data, name)[one] for name in ("step", "anchor", "place", "z", "std")}
+    columns = {name: getattr(data, name)[one] for name in PER_RANGE}
     rec = recording(replace(data, **columns))
     params = Params(learn=())
     steps = list(range_ls.estimate(rec.setup(), rec.scans(), params, np.random.default_rng(0)))

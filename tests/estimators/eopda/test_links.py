@@ -34,7 +34,7 @@ def recording(rows: dict, nodes=("A1", "D", "A2"), events=((0, 1, 0), (1, 0, 2),
 
 def steps(record, device=None, rms_bandwidth=None, threshold=1.0, sigma=None):
     net = network(record, device, rms_bandwidth, threshold, sigma)
-    return list(link_steps(net, record.scans()))
+    return [(time, heard[:2]) for time, heard in link_steps(net, record.scans())]
 
 
 def test_events_are_grouped_by_time_and_mode():

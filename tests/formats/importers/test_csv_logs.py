@@ -355,3 +355,27 @@ def test_arrays_of_matlab(tmp_path: Path):
     (tmp_path / "vicon.mat").write_bytes(b"MATLAB 5.0" + bytes(200))
     with pytest.raises(FormatError, match=r"vicon\.mat"):
         read(tmp_path, "t;d_A;d_B\n0;1;2\n", said)
+
+
+@pytest.mark.parametrize("by", ["yaw", "quaternion"])
+def test_a_device_somewhere_on_a_body(tmp_path: Path, by: str):
+    """A body at (1, 2) that heads north, its device 0.5 m ahead and 0.2 m to the left."""
+    (tmp_path / "log.csv").write_text("t,a,r\n0,A,1\n")
+    (tmp_path / "g.csv").write_text(f"t,x,y,h,s\n0,1,2,90,{0.5**0.5!r}\n")
+    heading: dict[str, Any] = {"yaw": {"column": "h", "unit": "deg"}}
+    if by == "quaternion":
+        heading = {"qx": {"value": 0}, "qy": {"value": 0}, "qz": "s", "qw": "s"}
+    columns = {"time": "t", "x": "x", "y": "y"} | heading
+    said = {
+        "kind": "uwb",
+        "columns": {"time": "t", "anchor": "a", "distance": "r"},
+        "anchors": {"A": [0, 0]},
+        "truth": {"file": "g.csv", "columns": columns, "device": [0.5, 0.2]},
+    }
+    found = csv.read([tmp_path / "log.csv"], csv.Params(said))
+    assert found.sensors["device"].object == 0
+    state = found.truth.objects.columns("x", "y", "device_x", "device_y")
+    np.testing.assert_allclose(state, [[1, 2, 0.8, 2.5]], atol=1e-12)
+    without = {**said, "truth": {**said["truth"], "columns": {"time": "t", "x": "x", "y": "y"}}}
+    with pytest.raises(ParameterError, match="device needs the heading"):
+        csv.read([tmp_path / "log.csv"], csv.Params(without))

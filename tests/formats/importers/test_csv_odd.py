@@ -57,8 +57,9 @@ SOURCES = ("column", "value", "columns", "pattern")
 """Keys of a field of which one must be told."""
 
 
-def changed(base: dict[str, Any]) -> Iterator[tuple[str, Any, dict[str, Any]]]:
-    """Key, odd value and mapping, for each key that may stand anywhere in a mapping."""
+def changed(base: dict[str, Any], every: int) -> Iterator[tuple[str, Any, dict[str, Any]]]:
+    """Key, odd value and mapping, for each key that may stand anywhere, of all ``every`` one."""
+    count = itertools.count()
     measured = "distance" if base["kind"] == "uwb" else "x"
     for kind, path in (
         (Mapping, []),
@@ -67,6 +68,8 @@ def changed(base: dict[str, Any]) -> Iterator[tuple[str, Any, dict[str, Any]]]:
         (TruthReading, ["truth"]),
     ):
         for field, odd in itertools.product(fields(kind), ODD):
+            if next(count) % every:
+                continue
             said = copy.deepcopy(base)
             at = said
             for name in path:
@@ -85,7 +88,7 @@ def test_odd_values_are_understood_or_refused(tmp_path: Path, base: str, every: 
     (tmp_path / "b.csv").write_text(LOG)
     (tmp_path / "log.csv").write_text(LOG)
     refused = 0
-    for key, odd, said in itertools.islice(changed(BASES[base]), 0, None, every):
+    for key, odd, said in changed(BASES[base], every):
         try:
             csv.read([tmp_path / "log.csv"], csv.Params(said))
         except EchosetError as error:

@@ -14,7 +14,7 @@ from echoset.campaign.pictures import describe, gather
 from echoset.models import registry
 from echoset.models.errors import InputError, ParameterError
 from echoset.report import plots
-from echoset.report.plots import Inputs, Selection
+from echoset.report.plots import Inputs, Selection, style
 
 UWB, GEO = "uwb/uwb-olos-s1-0000.h5", "geo/uwb-olos-s1-0000.eopda-geo.h5"
 CASES: dict[str, tuple[str, ...]] = {
@@ -52,7 +52,10 @@ def test_every_kind_has_a_case() -> None:
 
 
 @pytest.mark.parametrize("kind", CASES)
-def test_bytes_are_equal_and_say_where_they_come_from(files: Path, kind: str) -> None:
+def test_bytes_are_equal_and_say_where_they_come_from(
+    files: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(style._STYLE, "savefig.dpi", 50)
     found = inputs(files, *CASES[kind])
     known = describe(kind, found)
     magic = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}

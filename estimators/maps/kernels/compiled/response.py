@@ -182,7 +182,7 @@ def fit(
         whole[1], whole[3] = n, m
         T = np.zeros((n, m))
         add(T, 1.0, station, beams[q], column, body, target, whole)
-        changed = np.zeros((4, n, m))
+        changed = np.zeros((4 if derive else 0, n, m))
         if derive:
             x = target.copy()
             for k in range(4):
