@@ -26,9 +26,9 @@ from .context import Context
 from .edge import detection_probability
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.gaussians import falling
+from .kernels.paths import Paths, back
 from .kernels.smoothing import Epoch, ended, smooth
 from .mbm_filter import Params, State, init, predict, reduce, update
-from .paths import Paths, back
 from .sensing import (
     UNKNOWN,
     Look,

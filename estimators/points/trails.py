@@ -16,6 +16,7 @@ import numpy as np
 from ...models.parameters import parameter
 from ...models.records import Array
 from ..kernels.passes import SmoothParams
+from .kernels.smoothing import rts
 from .modes import Way
 from .source import Classes
 
@@ -66,7 +67,7 @@ def back(later: Trail | None, now: Trail) -> Trail:
     r[here] = np.maximum(r[here], later.r[there])
     ahead = later.m[there], later.P[there]
     if later.way is None:
-        m[here], P[here] = smooth(m[here], P[here], *ahead, later.F, later.Q)
+        m[here], P[here] = rts(m[here], P[here], *ahead, later.F, later.Q)
     else:
         came = np.searchsorted(later.way.label, now.label[here])
         gain = later.way.gain[came]
@@ -76,17 +77,3 @@ def back(later: Trail | None, now: Trail) -> Trail:
     alive = set(now.label.tolist())
     kept: Mapping[int, Array] = {l: p for l, p in later.classes.items() if l in alive}
     return replace(now, r=r, m=m, P=P, classes={**now.classes, **kept})
-
-
-def smooth(
-    m: Array, P: Array, m_later: Array, P_later: Array, F: Array, Q: Array
-) -> tuple[Array, Array]:
-    """Means (k, dx) and covariances (k, dx, dx) given those that are smoothed a step later."""
-    if not len(m):
-        return m, P
-    FP = F @ P
-    predicted = FP @ F.T + Q
-    gain = np.linalg.solve(predicted, FP).swapaxes(1, 2)
-    m = m + (gain @ (m_later - m @ F.T)[..., None])[..., 0]
-    P = P + gain @ (P_later - predicted) @ gain.swapaxes(1, 2)
-    return m, (P + P.swapaxes(1, 2)) / 2

@@ -1,4 +1,4 @@
-"""Fixed-lag smoothing along the tracks of a multi-Bernoulli mixture.
+"""Smoothing: a step back of Gaussians, and a fixed lag along the tracks of a mixture.
 
 H. E. Rauch, F. Tung and C. T. Striebel, "Maximum likelihood estimates of linear dynamic systems",
 AIAA Journal 3 (1965) 1445-1450.
@@ -78,3 +78,17 @@ def smooth(epochs: Sequence[Epoch], index: Array) -> tuple[Array, Array, Array, 
         r[here] = np.maximum(r[here], a.r)
         begin[here] = now.time_ns
     return (epochs[0].time_ns - begin) / 1e9, r, m, P
+
+
+def rts(
+    m: Array, P: Array, m_later: Array, P_later: Array, F: Array, Q: Array
+) -> tuple[Array, Array]:
+    """Means (k, dx) and covariances (k, dx, dx) given those that are smoothed a step later."""
+    if not len(m):
+        return m, P
+    FP = F @ P
+    predicted = FP @ F.T + Q
+    gain = np.linalg.solve(predicted, FP).swapaxes(1, 2)
+    m = m + (gain @ (m_later - m @ F.T)[..., None])[..., 0]
+    P = P + gain @ (P_later - predicted) @ gain.swapaxes(1, 2)
+    return m, (P + P.swapaxes(1, 2)) / 2

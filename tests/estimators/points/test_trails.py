@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from echoset.estimators.points import pmb
-from echoset.estimators.points.trails import Trail, back, smooth
+from echoset.estimators.points.kernels.smoothing import rts
+from echoset.estimators.points.trails import Trail, back
 from echoset.models.motion import constant_velocity, white_acceleration
 
 N, SIGMA = 12, 1.0
@@ -108,7 +109,7 @@ def test_trails_are_paired_by_label_and_begin_and_end():
     found = back(later, now)
     assert found.label.tolist() == [2, 5, 9] and found.r.tolist() == [0.9, 0.7, 0.4]
     np.testing.assert_array_equal(found.m[0], now.m[0])
-    m, P = smooth(now.m[1:], now.P[1:], later.m[1:3], later.P[1:3], F, Q)
+    m, P = rts(now.m[1:], now.P[1:], later.m[1:3], later.P[1:3], F, Q)
     np.testing.assert_array_equal(found.m[1:], m)
     np.testing.assert_array_equal(found.P[1:], P)
     assert {l: int(p[0]) for l, p in found.classes.items()} == {2: 0, 5: 1, 9: 1}

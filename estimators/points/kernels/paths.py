@@ -2,7 +2,7 @@
 
 The hypothesis is the one that is best at the end, followed back from time to time to what it was
 before: so are tracks that died in it, from the last time that it had them. Moments by
-:func:`.trails.smooth`; existence is the largest then or later. Before its first detection a track
+:func:`.smoothing.rts`; existence is the largest then or later. Before its first detection a track
 is followed straight back.
 """
 
@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models.records import Array
-from .kernels.smoothing import Epoch
-from .trails import smooth
+from ....models.records import Array
+from .smoothing import Epoch, rts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +63,7 @@ def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
     m_out, P_out = m @ inverse.T, inverse @ (P + Q) @ inverse.T
     here = np.flatnonzero(before >= 0)
     a = now.local.take(before[here])
-    m_out[here], P_out[here] = smooth(a.m, a.P, m[here], P[here], F, Q)
+    m_out[here], P_out[here] = rts(a.m, a.P, m[here], P[here], F, Q)
     r[here] = np.maximum(r[here], a.r)
     origin = np.full(len(kept), -1)
     origin[here] = a.origin
