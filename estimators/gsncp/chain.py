@@ -131,7 +131,7 @@ def burn_in(
             raise EstimatorError("the log posterior is not finite")
         adapt(scale, info, params.acceptance)
         gain = 1 / min(len(runs), params.smoothing)
-        target = known(params, labelled(scene, state, intensity, rng), D)
+        target = known(params, labelled(scene, params, state, intensity, rng), D)
         intensity = intensity + gain * (target - intensity)
         done, since = done + params.block, since + params.block
         if info.trace.max() > best:
@@ -208,13 +208,17 @@ def adapt(scale: Array, info: Info, acceptance: float) -> None:
     scale[:] = np.clip(scale, 1e-3, 10.0)
 
 
-def labelled(scene: Scene, state: State, intensity: Array, rng: np.random.Generator) -> Array:
+def labelled(
+    scene: Scene, params: ChainParams, state: State, intensity: Array, rng: np.random.Generator
+) -> Array:
     """Intensities (lambda, lambda_c) of a sampled labelling of the detections as clutter."""
     L = int(state.size[0])
     clutter = rng.random(len(state.shot)) * (intensity[1] + state.shot) < intensity[1]
-    return gsncp.intensities(
-        scene, L, state.rho[:L].sum(), clutter.sum(), gsncp.room(scene, state.c[:L])
-    )
+    if params.room:
+        volume = gsncp.room(scene, state.c[:L])
+    else:
+        volume = gsncp.free(scene.lower, scene.upper)[1]
+    return gsncp.intensities(scene, L, state.rho[:L].sum(), clutter.sum(), volume)
 
 
 def known(params: ChainParams, intensity: Array, D: float) -> Array:

@@ -165,6 +165,12 @@ class ChainParams(SceneParams):
         "false detections per scan where they are known, else estimated",
         within="(0, inf)",
     )
+    room: bool = parameter(
+        True,
+        "1",
+        "the intensity of targets is their number per volume that others leave them, that of the "
+        "hard-core process; else, as printed, per volume of all of the region",
+    )
     smoothing: int = parameter(
         10, "1", "blocks over which estimated intensities are averaged", within="[1, inf)"
     )

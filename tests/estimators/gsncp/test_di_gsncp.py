@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from echoset.estimators.gsncp import dbscan, di_gsncp, oracle
-from echoset.estimators.gsncp.chain import explore, put
+from echoset.estimators.gsncp.chain import explore, labelled, put
 from echoset.estimators.gsncp.kernels import posterior as gsncp
 from echoset.estimators.gsncp.kernels.compiled import posterior as compiled
 from echoset.estimators.gsncp.output import Labels
@@ -446,6 +446,26 @@ def test_the_papers_preset_states_regular_covariances():
     for P in found.covariance:
         scale = np.sqrt(np.diag(P))
         assert np.linalg.matrix_rank(P / scale / scale[:, None], tol=1e-6) == 9
+
+
+def test_the_papers_intensity_is_per_volume_of_all_of_the_region():
+    """lambda = L (M - M_c) / (|D| sum rho) as printed; by default |D| less what targets take."""
+    recording, found = planar("position"), {}
+    centres = recording.truth.objects.state[:, :2]
+    for preset in ("default", "paper"):
+        layers = di_gsncp.PRESETS[preset] | {"resolution": 20.0, "hard_core_radius": 3.0}
+        params = resolve(di_gsncp.Params, *sensor_model(recording, di_gsncp.Params), ("", layers))
+        (_, scene), *_ = di_gsncp.scenes(recording.setup(), recording.scans(), params)
+        state = gsncp.empty(scene, 20)
+        put(state, np.pad(centres, ((0, 0), (0, 1))), np.tile([1.0, 0, 1, 0, 0, 1], (3, 1)))
+        compiled.refresh(scene, state)
+        rng, one = np.random.default_rng(0), np.array([5e-3, 1e-2])
+        clutter = (rng.random(170) * (one[1] + state.shot) < one[1]).sum()
+        found[preset] = labelled(scene, params, state, one, np.random.default_rng(0))[0]
+        printed = 3 * (170 - clutter) / (35 * 20 * state.rho[:3].sum())
+    assert found["paper"] == pytest.approx(printed)
+    # Three discs of 3 m, inside 35 m by 20 m.
+    assert found["default"] / found["paper"] == pytest.approx(700 / (700 - 3 * 9 * np.pi), rel=0.01)
 
 
 def test_effective_sample_size_is_that_of_what_is_averaged():
