@@ -12,7 +12,8 @@ from typing import Any
 from .. import formats
 from ..formats import scores
 from ..models import registry
-from ..models.errors import FormatError, ParameterError
+from ..models.checks import in_range
+from ..models.errors import FormatError, InputError, ParameterError
 from ..models.parameters import resolve
 from ..models.records import Estimates, Recording, Scores
 from . import exits, log
@@ -40,7 +41,9 @@ class Import:
         module = registry.load("echoset.importers", self.name)
         first = (("--mapping", {"mapping": self.mapping}),) if self.mapping else ()
         params = resolve(module.Params, *first, *layers(self.config, self.settings))
-        recording: Recording = module.read([Path(source) for source in self.inputs], params)
+        paths = [Path(source) for source in self.inputs]
+        with in_range(InputError, f"{self.inputs[0]}: holds numbers that are out of range"):
+            recording: Recording = module.read(paths, params)
         return recording
 
     def windows(self) -> Iterator[Recording] | None:

@@ -73,6 +73,21 @@ def test_estimators(run, tmp_path, name, setting):
     refused(run("estimate", "-e", name, rec, "--set", setting, "-o", tmp_path / "x.h5"))
 
 
+def test_logs(run, tmp_path):
+    """A truth that leaps from one end of all numbers to the other."""
+    log, truth, mapping = (tmp_path / n for n in ("log.csv", "truth.csv", "m.yaml"))
+    log.write_text("t,a,r\n" + "".join(f"{k},A,{k % 3 + 1}.5\n" for k in range(10)))
+    places = ["1", "-1.7e308", "1.7e308", *["1"] * 7]
+    truth.write_text("t,x,y\n" + "".join(f"{k},{x},1\n" for k, x in enumerate(places)))
+    mapping.write_text(
+        "kind: uwb\ncolumns: {time: t, anchor: a, distance: r}\nanchors: {A: [0, 0]}\n"
+        "truth: {file: truth.csv, columns: {time: t, x: x, y: y}}\n"
+    )
+    out = tmp_path / "x.h5"
+    refused(run("convert", "--from", "csv", log, "--mapping", mapping, "-o", out))
+    assert not out.exists()
+
+
 EVERY = [(g, n) for g in ("scenarios", "estimators") for n in registry.names(f"echoset.{g}")]
 
 
