@@ -22,7 +22,7 @@ def radar(
     mapping: Mapping, table: Log, F: Array, tables: Tables, carried: bool, name: str
 ) -> Built:
     """The radars and their streams of the points in ``table``; a stream is called as its radar."""
-    S = axes(mapping.sensor_frame, "sensor_frame") if mapping.sensor_frame else F
+    S = axes(mapping.sensor_frame, "sensor_frame", any_order=True) if mapping.sensor_frame else F
     sensors = {
         str(name): sensor(pose, "radar", F, S, tables, f"sensors.{name}")
         for name, pose in mapping.sensors.items()
@@ -70,6 +70,16 @@ def radar(
 
 def _to_sensor_frame(rows: dict[str, Array], S: Array) -> None:
     """Turn measurements along the axes ``S`` of the log into the sensor frame, in place."""
+    if S[2, :2].any():
+        if "azimuth" in rows:
+            raise ParameterError(
+                "sensor_frame: azimuths need two level directions, then up or down"
+            )
+        if "z" not in rows:
+            raise ParameterError("sensor_frame: this order of directions needs x, y and z")
+        moved = [sum(S[k, j] * rows["xyz"[j]] for j in range(3) if S[k, j]) for k in range(3)]
+        rows["x"], rows["y"], rows["z"] = moved
+        return
     if "x" in rows:
         rows["x"], rows["y"] = turn(S, rows["x"], rows["y"])
     if "azimuth" in rows:

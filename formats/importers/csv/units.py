@@ -86,12 +86,20 @@ def quantity(value: Any, column: str, where: str) -> float:
     return float(to_si(np.asarray(float(number)), unit, column))
 
 
-def axes(words: Sequence[str], where: str) -> Array:
-    """The matrix (3, 3) from axes along the directions ``words`` to those of a recording."""
+def axes(words: Sequence[str], where: str, any_order: bool = False) -> Array:
+    """The matrix (3, 3) from axes along the directions ``words`` to those of a recording.
+
+    The first two are level, unless three may stand in ``any_order``.
+    """
     for word in words:
         hint = suggestion(word, _AXES)
         require(word in _AXES, where, f"made of {' '.join(_AXES)}{hint}", word)
     found = [_AXES[word] for word in words]
+    if any_order and len(words) == 3 and {axis for axis, _ in found} == {0, 1, 2}:
+        S = np.zeros((3, 3))
+        for column, (axis, sign) in enumerate(found):
+            S[axis, column] = sign
+        return S
     horizontal = len(words) in (2, 3) and {axis for axis, _ in found[:2]} == {0, 1}
     vertical = all(axis == 2 for axis, _ in found[2:])
     rule = "two horizontal directions, then perhaps up or down"
