@@ -21,7 +21,8 @@ from .table import read_table
 from .times import epoch_ns
 
 MEASUREMENT = {"uwb": ("distance",), "position": ("x", "y"), "range_bearing": ("range", "azimuth")}
-_RADAR = ("doppler", "power", "amplitude", "time_offset", "scan", "sensor")
+VIEW = ("view_azimuth_min", "view_azimuth_max", "view_range_min", "view_range_max")
+_RADAR = ("doppler", "power", "amplitude", "rcs", "time_offset", "scan", "sensor", *VIEW)
 OPTIONAL = {
     "uwb": ("amplitude", "std", "anchor", "device", "tx", "rx"),
     "position": ("z", *_RADAR),

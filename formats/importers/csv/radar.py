@@ -11,7 +11,7 @@ from ....models.records import Array, Sensor, Stream
 from ..rows import pad, to_stream
 from . import plausible
 from .log import Log
-from .mapping import MEASUREMENT, Mapping, Tables
+from .mapping import MEASUREMENT, VIEW, Mapping, Tables
 from .poses import sensor
 from .units import axes, turn
 
@@ -33,10 +33,11 @@ def radar(
         raise ParameterError(f"mapping: {reason}")
     names = tuple(sensors)
     parts = [table]
+    views = tuple(key for key in VIEW if key in table)
     if mapping.scans is not None:
         if "scan" in table:
             raise ParameterError("mapping: give either scans or the column 'scan'")
-        parts.append(tables.read(mapping.scans, ("time",), ("sensor",), "scans"))
+        parts.append(tables.read(mapping.scans, ("time", *views), ("sensor",), "scans"))
     for part in parts:
         if len(names) > 1 and "sensor" not in part:
             raise ParameterError("mapping: several sensors need the column 'sensor'")
@@ -48,10 +49,11 @@ def radar(
     plausible.rows(table, time[: len(table)])
     plausible.scans(table, time, which, mapping.model)
     main = [key for key in (*MEASUREMENT[mapping.kind], "z") if key in table]
-    others = [key for key in table.fields if key not in (*main, "time", "scan", "sensor")]
+    others = [key for key in table.fields if key not in (*main, *views, "time", "scan", "sensor")]
     rows, detected = pad(*table.detections(main, others), len(time) - len(table))
     _to_sensor_frame(rows, S)
-    keys: dict[str, Array] = {}
+    keys = {key: np.concatenate([part.values(key) for part in parts]) for key in views}
+    _view(keys, S)
     if "scan" in table:
         keys["scan"] = _scan(table, which)
         start = np.full(keys["scan"].max(initial=-1) + 1, np.iinfo(np.int64).max)
@@ -64,8 +66,20 @@ def radar(
         own = which == i
         key, row = ({k: v[own] for k, v in columns.items()} for columns in (keys, rows))
         stream = to_stream(mapping.kind, (name,), mapping.model, time[own], key, row, detected[own])
-        streams[name] = replace(stream, scan={})
+        streams[name] = replace(stream, scan={key: stream.scan[key] for key in views})
     return sensors, streams
+
+
+def _view(views: dict[str, Array], S: Array) -> None:
+    """Turn the azimuths of fields of view along the axes ``S`` into the sensor frame, in place."""
+    names = ("view_azimuth_min", "view_azimuth_max")
+    if not any(name in views for name in names):
+        return
+    if S[2, :2].any() or not all(name in views for name in names):
+        raise ParameterError("columns: a view needs both azimuths, and two level directions")
+    sense = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0]
+    ends = [np.arctan2(S[1, 0], S[0, 0]) + sense * views[name] for name in names]
+    views[names[0]], views[names[1]] = ends if sense > 0 else ends[::-1]
 
 
 def _to_sensor_frame(rows: dict[str, Array], S: Array) -> None:

@@ -24,6 +24,7 @@ _FACTORS: dict[str, dict[str, float]] = {
     "deg": {"deg": 1.0, "rad": 180 / math.pi},
     "m s-1": {"m/s": 1.0, "km/h": 1 / 3.6, "ft/s": 0.3048, "kn": 1852 / 3600},
     "1": {"1": 1.0},
+    "m2": {"m2": 1.0},
 }
 _AXES = {
     "east": (0, 1),
@@ -38,6 +39,8 @@ _AXES = {
     "down": (2, -1),
 }
 """Directions: the axis of a recording's frames that they lie on, and their sign there."""
+_LEVELS = {"power": ("dB",), "amplitude": ("dB",), "rcs": ("dBsm", "dB")}
+"""Logarithmic units, by the quantity that may have them."""
 _STATE = {"yaw": "rad", "vx": "m s-1", "vy": "m s-1", "vz": "m s-1"}
 _STATE |= {"device_x": "m", "device_y": "m", "time": "s", "height": "m"}
 _STATE |= dict.fromkeys(("lat", "lon", "device_lat", "device_lon"), "deg")
@@ -50,7 +53,7 @@ def si_unit(column: str) -> str:
 
 def check_unit(unit: str, column: str, where: str) -> None:
     """Raise ParameterError unless ``column`` can be in ``unit``; empty is SI."""
-    known = [*_FACTORS[si_unit(column)], *(["dB"] if column in ("power", "amplitude") else [])]
+    known = [*_FACTORS[si_unit(column)], *_LEVELS.get(column, ())]
     if unit and unit not in known:
         hint = suggestion(unit, known)
         raise ParameterError(f"{where}: unit {unit!r} is not one of {' '.join(known)}{hint}")
@@ -63,7 +66,7 @@ def to_si(values: Array, unit: str, column: str) -> Array:
     """
     if not unit:
         return values
-    if unit == "dB":
+    if unit in ("dB", "dBsm"):
         return np.asarray(10.0 ** (values / (20.0 if column == "amplitude" else 10.0)))
     return np.asarray(values * _FACTORS[si_unit(column)][unit])
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from echoset import formats
 from echoset.formats.importers.csv import importer as csv
 from echoset.models.errors import ParameterError
 from echoset.models.poses import pose_at
@@ -108,3 +109,29 @@ def test_what_no_frame_is_is_refused(tmp_path: Path):
     with pytest.raises(ParameterError, match="sensor_frame must be"):
         read(tmp_path, "x,y", "1,2", kind="position", columns={"time": "t", "x": "x", "y": "y"},
              sensor_frame=["right", "left", "up"])  # fmt: skip
+
+
+def test_fields_of_view_and_cross_sections(tmp_path: Path):
+    """A view from 10 to 30 degrees to the right is one from -30 to -10 to the left."""
+    columns = {
+        "time": "t", "range": "r", "azimuth": {"column": "a", "unit": "deg"},
+        "rcs": {"column": "s", "unit": "dBsm"},
+        "view_azimuth_min": {"value": "10 deg"}, "view_azimuth_max": {"value": "30 deg"},
+        "view_range_max": {"value": 200},
+    }  # fmt: skip
+    found = read(tmp_path, "r,a,s", "10,20,-3", kind="range_bearing", columns=columns,
+                 sensor_frame=["forward", "right"])  # fmt: skip
+    stream = found.streams["radar"]
+    assert stream.rows["rcs"][0] == pytest.approx(10**-0.3, rel=1e-12)
+    assert np.degrees(stream.scan["view_azimuth_min"]) == pytest.approx([-30.0])
+    assert np.degrees(stream.scan["view_azimuth_max"]) == pytest.approx([-10.0])
+    assert stream.scan["view_range_max"].tolist() == [200.0]
+    assert np.degrees(stream.rows["azimuth"]) == pytest.approx([-20.0])
+    for suffix in ("h5", "mcap"):
+        path = tmp_path / f"a.{suffix}"
+        formats.write(found, path, suffix)
+        back = formats.read(path).streams["radar"]
+        assert back.rows["rcs"].tolist() == stream.rows["rcs"].tolist()
+    with pytest.raises(ParameterError, match="a view needs both azimuths"):
+        del columns["view_azimuth_max"]
+        read(tmp_path, "r,a,s", "10,20,-3", kind="range_bearing", columns=columns)
