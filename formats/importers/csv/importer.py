@@ -36,6 +36,7 @@ from . import columns, geodetic, plausible, truth
 from .align import align
 from .log import Log
 from .mapping import MATLAB, MEASUREMENT, OPTIONAL, UNUSED, Mapping, Tables, load
+from .odometry import odometry
 from .radar import radar
 from .times import epoch_ns
 from .units import axes
@@ -96,7 +97,7 @@ def build(
     streams: dict[str, Stream] = {}
     for name, part in parts.items():
         _check_model(part.model, path)
-        build = uwb if part.kind == "uwb" else radar
+        build = BUILD.get(part.kind, radar)
         own = replace(tables, dialect=part)
         nodes, found = build(part, logs[name], F, own, carried, name)
         for node, sensor in nodes.items():
@@ -107,6 +108,9 @@ def build(
             if stream in streams:
                 raise ParameterError(f"streams.{name}: a second stream {stream!r}")
         streams |= found
+    for moved in streams.values():
+        if moved.kind == "odometry":
+            sensors.setdefault(moved.nodes[0], Sensor.device())
     aligned: dict[str, Any] = {}
     if true is not None and mapping.truth.get("align"):
         uwb_streams = [stream for stream in streams.values() if stream.kind == "uwb"]
@@ -135,6 +139,8 @@ def build(
     return recording
 
 
+BUILD = {"uwb": uwb, "odometry": odometry}
+"""What makes a stream of a kind that is not a radar's."""
 GENERAL = True
 """Other importers come first, where a file may be for them."""
 
@@ -155,7 +161,7 @@ def _parts(content: dict[str, Any], source: object) -> dict[str, Mapping]:
     spec = content.get("streams", {})
     if not spec:
         mapping = Mapping.of(content, source)
-        return {"uwb" if mapping.kind == "uwb" else "radar": mapping}
+        return {mapping.kind if mapping.kind in BUILD else "radar": mapping}
     ok = isinstance(spec, abc.Mapping) and all(isinstance(v, abc.Mapping) for v in spec.values())
     require(ok, "streams", "a mapping of names to what each stream is", spec)
     common = {key: value for key, value in content.items() if key != "streams"}
@@ -166,7 +172,7 @@ def _parts(content: dict[str, Any], source: object) -> dict[str, Mapping]:
                 raise ParameterError(f"streams.{name}: {key!r} is common to all streams")
         kind = str(own.get("kind", common.get("kind", "")))
         merged = {k: v for k, v in common.items() if k not in UNUSED.get(kind, ())} | dict(own)
-        if kind != "uwb":
+        if kind not in BUILD:
             merged.setdefault("sensors", {name: [0.0, 0.0]})
         try:
             parts[name] = Mapping.of(merged)

@@ -21,10 +21,14 @@ from .table import read_table
 from .times import epoch_ns
 
 MEASUREMENT = {"uwb": ("distance",), "position": ("x", "y"), "range_bearing": ("range", "azimuth")}
+MEASUREMENT |= {"odometry": ()}
 VIEW = ("view_azimuth_min", "view_azimuth_max", "view_range_min", "view_range_max")
 _RADAR = ("doppler", "power", "amplitude", "rcs", "time_offset", "scan", "sensor", *VIEW)
+_MOTION = ("velocity_x", "velocity_y", "turn_rate", "heading")
+ODOMETRY = ("left", "right", *_MOTION, *(f"std_{name}" for name in _MOTION))
 OPTIONAL = {
-    "uwb": ("amplitude", "std", "anchor", "device", "tx", "rx"),
+    "uwb": ("amplitude", "std", "anchor", "device", "tx", "rx", "reference"),
+    "odometry": ODOMETRY,
     "position": ("z", *_RADAR),
     "range_bearing": ("elevation", "std_range", "std_azimuth", *_RADAR),
 }
@@ -32,6 +36,7 @@ UNUSED = {
     "uwb": ("sensors", "sensor_frame"),
     "position": ("anchors", "devices"),
     "range_bearing": ("anchors", "devices"),
+    "odometry": ("anchors", "sensors", "sensor_frame"),
 }
 MATLAB = ".mat"
 R = TypeVar("R", bound=Reading)
@@ -83,6 +88,7 @@ class Mapping(Reading):
     devices: Any = field(default_factory=dict)
     sensors: Any = field(default_factory=lambda: {"radar": [0.0, 0.0]})
     scans: Any = None
+    wheel_distance: Any = None
     streams: Any = field(default_factory=dict)
     truth: Any = None
     model: Any = field(default_factory=dict)
