@@ -18,6 +18,10 @@ from .units import axes, turn
 Built = tuple[dict[str, Sensor], dict[str, Stream]]
 
 
+_OTHERS = 8
+"""Other scans between two of one id, from which on these are two."""
+
+
 def radar(
     mapping: Mapping, table: Log, F: Array, tables: Tables, carried: bool, name: str
 ) -> Built:
@@ -55,7 +59,7 @@ def radar(
     keys = {key: np.concatenate([part.values(key) for part in parts]) for key in views}
     _view(keys, S)
     if "scan" in table:
-        keys["scan"] = _scan(table, which)
+        keys["scan"] = _scan(table, which, time)
         start = np.full(keys["scan"].max(initial=-1) + 1, np.iinfo(np.int64).max)
         np.minimum.at(start, keys["scan"], time)
         time, late = start[keys["scan"]], time - start[keys["scan"]]
@@ -106,14 +110,25 @@ def _to_sensor_frame(rows: dict[str, Array], S: Array) -> None:
             rows[key] = S[2, 2] * rows[key]
 
 
-def _scan(table: Log, which: Array) -> Array:
-    """Number of the scan of every row, counted over all sensors."""
+def _scan(table: Log, which: Array, time: Array) -> Array:
+    """Number of the scan of every row, counted over all sensors.
+
+    An id that comes back later, after :data:`_OTHERS` other scans and more, is that of a counter
+    that began anew: another scan.
+    """
     known: dict[tuple[int, str], int] = {}
     last: dict[int, int] = {}
+    ends: list[int] = []
     number = np.zeros(len(table), np.int64)
     for i, key in enumerate(zip(which.tolist(), table.columns["scan"], strict=True)):
-        k = number[i] = known.setdefault(key, len(known))
-        if last.setdefault(key[0], k) > k:
+        k = known.setdefault(key, len(ends))
+        before = last.get(key[0], k)
+        if before > k and len(ends) - k > _OTHERS and time[i] > ends[k]:
+            k = known[key] = len(ends)
+        elif before > k:
             table.fail("scan", i, f"scan {key[1]!r} comes back: the rows of a scan stand together")
-        last[key[0]] = k
+        if k == len(ends):
+            ends.append(int(time[i]))
+        number[i] = last[key[0]] = k
+        ends[k] = max(ends[k], int(time[i]))
     return number

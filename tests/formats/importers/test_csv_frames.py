@@ -11,7 +11,7 @@ import pytest
 
 from echoset import formats
 from echoset.formats.importers.csv import importer as csv
-from echoset.models.errors import ParameterError
+from echoset.models.errors import FormatError, ParameterError
 from echoset.models.poses import pose_at
 from echoset.models.records import Recording
 
@@ -135,3 +135,18 @@ def test_fields_of_view_and_cross_sections(tmp_path: Path):
     with pytest.raises(ParameterError, match="a view needs both azimuths"):
         del columns["view_azimuth_max"]
         read(tmp_path, "r,a,s", "10,20,-3", kind="range_bearing", columns=columns)
+
+
+def test_scan_ids_of_a_counter_that_begins_anew(tmp_path: Path):
+    """Ten ids that are used twice are twenty scans by their times; a split one is refused."""
+    rows = [(k % 10, 0.1 * k, j) for k in range(20) for j in range(2)]
+    text = "".join(f"{k},{t:.1f},{j},1\n" for k, t, j in rows)
+    (tmp_path / "log.csv").write_text("f,t,x,y\n" + text)
+    columns = {"time": "t", "x": "x", "y": "y", "scan": "f"}
+    said = {"kind": "position", "columns": columns}
+    stream = csv.read([tmp_path / "log.csv"], csv.Params(said)).streams["radar"]
+    np.testing.assert_array_equal(stream.time_ns, np.arange(20) * 10**8)
+    assert (np.diff(stream.row_offset) == 2).all()
+    (tmp_path / "log.csv").write_text("f,t,x,y\n1,0,1,1\n2,1,1,1\n1,2,1,1\n")
+    with pytest.raises(FormatError, match="scan '1' comes back"):
+        csv.read([tmp_path / "log.csv"], csv.Params(said))
