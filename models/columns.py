@@ -88,6 +88,7 @@ COLUMNS: dict[str, Column] = {
     "elevation": Column("f8", "rad", "elevation above the sensor's x-y plane"),
     "doppler": Column("f8", "m s-1", "radial speed, positive when receding"),
     "power": Column("f8", "1", "power over the noise", minimum=0.0),
+    "rcs": Column("f8", "m2", "radar cross-section", minimum=0.0),
     **_covariance("xyz"),
     "std_range": Column("f8", "m", "standard deviation of the range", minimum=0.0),
     "std_azimuth": Column("f8", "rad", "standard deviation of the azimuth", minimum=0.0),

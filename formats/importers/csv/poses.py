@@ -100,16 +100,12 @@ def _about_z(yaw: Array) -> Array:
 
 
 def _level(yaw: Array, F: Array, S: Array) -> Array:
-    """Quaternions (k, 4) of level sensors whose x axis lies at ``yaw`` (k,) in the log's frame."""
-    sense = np.linalg.det(F[:2, :2]) * np.linalg.det(S[:2, :2])
-    if sense < 0 and (np.linalg.det(F) < 0 or np.linalg.det(S) < 0):
-        raise ParameterError(
-            "frame and sensor_frame: one is right-handed, the other is not; give both up or down"
-        )
-    if sense > 0 and F[2, 2] == S[2, 2]:
+    """Quaternions (k, 4) of level sensors whose first level axis lies at ``yaw`` (k,) in ``F``."""
+    if np.linalg.det(F[:2, :2]) * np.linalg.det(S[:2, :2]) > 0 and F[2, 2] == S[2, 2]:
         return _turned(_about_z(yaw), F, S)
+    k = int(np.argmin(np.abs(S[2])))
     ahead = F[:2, :2] @ np.array([np.cos(yaw), np.sin(yaw)])
-    return _about_z(np.arctan2(ahead[1], ahead[0]) - np.arctan2(S[1, 0], S[0, 0]))
+    return _about_z(np.arctan2(ahead[1], ahead[0]) - np.arctan2(S[1, k], S[0, k]))
 
 
 def _turned(q: Array, F: Array, S: Array) -> Array:

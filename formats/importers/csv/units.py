@@ -25,6 +25,7 @@ _FACTORS: dict[str, dict[str, float]] = {
     "m s-1": {"m/s": 1.0, "km/h": 1 / 3.6, "ft/s": 0.3048, "kn": 1852 / 3600},
     "rad s-1": {"rad/s": 1.0, "deg/s": math.pi / 180},
     "1": {"1": 1.0},
+    "m2": {"m2": 1.0},
 }
 _AXES = {
     "east": (0, 1),
@@ -39,6 +40,8 @@ _AXES = {
     "down": (2, -1),
 }
 """Directions: the axis of a recording's frames that they lie on, and their sign there."""
+_LEVELS = {"power": ("dB",), "amplitude": ("dB",), "rcs": ("dBsm", "dB")}
+"""Logarithmic units, by the quantity that may have them."""
 _STATE = {"yaw": "rad", "vx": "m s-1", "vy": "m s-1", "vz": "m s-1"}
 _STATE |= {"left": "m s-1", "right": "m s-1"}
 _STATE |= {"device_x": "m", "device_y": "m", "time": "s", "height": "m"}
@@ -52,7 +55,7 @@ def si_unit(column: str) -> str:
 
 def check_unit(unit: str, column: str, where: str) -> None:
     """Raise ParameterError unless ``column`` can be in ``unit``; empty is SI."""
-    known = [*_FACTORS[si_unit(column)], *(["dB"] if column in ("power", "amplitude") else [])]
+    known = [*_FACTORS[si_unit(column)], *_LEVELS.get(column, ())]
     if unit and unit not in known:
         hint = suggestion(unit, known)
         raise ParameterError(f"{where}: unit {unit!r} is not one of {' '.join(known)}{hint}")
@@ -65,7 +68,7 @@ def to_si(values: Array, unit: str, column: str) -> Array:
     """
     if not unit:
         return values
-    if unit == "dB":
+    if unit in ("dB", "dBsm"):
         return np.asarray(10.0 ** (values / (20.0 if column == "amplitude" else 10.0)))
     return np.asarray(values * _FACTORS[si_unit(column)][unit])
 
@@ -88,12 +91,20 @@ def quantity(value: Any, column: str, where: str) -> float:
     return float(to_si(np.asarray(float(number)), unit, column))
 
 
-def axes(words: Sequence[str], where: str) -> Array:
-    """The matrix (3, 3) from axes along the directions ``words`` to those of a recording."""
+def axes(words: Sequence[str], where: str, any_order: bool = False) -> Array:
+    """The matrix (3, 3) from axes along the directions ``words`` to those of a recording.
+
+    The first two are level, unless three may stand in ``any_order``.
+    """
     for word in words:
         hint = suggestion(word, _AXES)
         require(word in _AXES, where, f"made of {' '.join(_AXES)}{hint}", word)
     found = [_AXES[word] for word in words]
+    if any_order and len(words) == 3 and {axis for axis, _ in found} == {0, 1, 2}:
+        S = np.zeros((3, 3))
+        for column, (axis, sign) in enumerate(found):
+            S[axis, column] = sign
+        return S
     horizontal = len(words) in (2, 3) and {axis for axis, _ in found[:2]} == {0, 1}
     vertical = all(axis == 2 for axis, _ in found[2:])
     rule = "two horizontal directions, then perhaps up or down"

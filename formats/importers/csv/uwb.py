@@ -54,8 +54,7 @@ def uwb(mapping: Mapping, table: Log, F: Array, tables: Tables, carried: bool, n
     own = table.time()
     table.check_shared(own)
     plausible.rows(table, own)
-    n = len(table)
-    plausible.links(table, own, tx[:n] * len(nodes) + rx[:n], rows["distance"][:n])
+    link = (tx * len(nodes) + rx)[: len(table)]
     mode = np.where(tx < len(devices), ACTIVE, PASSIVE).astype(np.uint8)
     if differences:
         table.refuse("reference", tx >= len(devices), "is told, yet an anchor sends")
@@ -66,6 +65,8 @@ def uwb(mapping: Mapping, table: Log, F: Array, tables: Tables, carried: bool, n
         of = table.index("reference", nodes[len(devices) :]) + np.int32(len(devices))
         table.refuse("reference", of == rx, "is the anchor itself")
         keys["reference"] = of
+        link = link * len(nodes) + of
+    plausible.links(table, own, link, rows["distance"][: len(table)])
     stream = to_stream("uwb", nodes, mapping.model, time, keys, rows, detected)
     plausible.geometry(table.path, stream, sensors)
     return sensors, {name: stream}

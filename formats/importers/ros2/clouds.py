@@ -22,6 +22,7 @@ NAMES = {
         "v_r", "vr", "v", "speed",
     ),
     "power": (),
+    "rcs": (),
 }  # fmt: skip
 """What drivers call the fields of points, without regard to case; powers have no usual unit."""
 KINDS = {

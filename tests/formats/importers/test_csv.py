@@ -185,9 +185,10 @@ def test_heading_from_north_and_bearing_to_the_right(tmp_path: Path):
     columns = {**BEARINGS["columns"], "azimuth": {"column": "b", "unit": "deg"}}
     log = read(tmp_path, "t,r,b\n0,10,0\n0,10,90\n", {**BEARINGS, **pose, "columns": columns})
     np.testing.assert_allclose(map_points(log), expected, atol=1e-12)
-    wrong = {**pose, "sensor_frame": ["forward", "left"]}
-    with pytest.raises(ParameterError, match="one is right-handed"):
-        read(tmp_path, "t,x,y\n0,10,0\n", {**POINTS, **wrong})
+    # What the radar measures to the left is to port, whichever way the heading turns.
+    port = {**pose, "sensor_frame": ["forward", "left"]}
+    log = read(tmp_path, "t,x,y\n0,10,0\n0,0,10\n", {**POINTS, **port})
+    np.testing.assert_allclose(map_points(log), [[60, 100, 0], [50, 110, 0]], atol=1e-12)
 
 
 def test_axes_that_are_turned(tmp_path: Path):
