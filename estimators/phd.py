@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..models.parameters import Layer
 from ..models.records import Estimates, Recording, Scan
+from .maps.choice import with_default
 from .maps.detector import Chain, files
 from .maps.params import MAPS, MapParams
-from .points import phd_filter, sensing
+from .points import phd_filter, sensing, streams
 from .points.context import Context
 from .points.phd import run
-from .points.streams import resolved
 from .presets import Presets
 
 __all__ = [
@@ -39,6 +40,20 @@ class Params(MapParams, phd_filter.Params):
     def __post_init__(self) -> None:
         phd_filter.Params.__post_init__(self)
         MapParams.__post_init__(self)
+
+
+def resolved(
+    cls: type[Params], setup: Recording, stated: Sequence[Layer], layers: Sequence[Layer]
+) -> Params:
+    """The parameters of a recording; for maps by the preset ``tuned`` where none is given.
+
+    Raises
+    ------
+    ParameterError : ``sensors`` names no stream, or what does not hold for single streams
+    InputError : a parameter that has no default is not known for a stream
+    """
+    layers = with_default(setup, stated, layers, PRESETS["tuned"])
+    return streams.resolved(cls, setup, stated, layers)
 
 
 def context(setup: Recording, params: Params) -> Context[Params]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ...models.errors import InputError
 from ...models.names import natural
+from ...models.parameters import Layer, is_preset
 from ...models.records import Recording, Scan
 from .frames import frames
 from .params import MAPS, FusionParams
@@ -17,6 +19,21 @@ from .params import MAPS, FusionParams
 STRANGE = 1e-2, 1e3
 """Medians of a map, between which its unit may be the noise."""
 _log = logging.getLogger(__name__)
+
+
+def with_default(
+    setup: Recording, stated: Sequence[Layer], layers: Sequence[Layer], preset: Mapping[str, Any]
+) -> Sequence[Layer]:
+    """The layers, over ``preset`` where a recording has maps and nobody says how they are to do.
+
+    That is, without a preset and without the probability of detection, which has no default.
+    """
+    maps = any(s.kind == MAPS for s in setup.streams.values())
+    said = any(is_preset(source) or "p_detect" in layer for source, layer in layers)
+    if not maps or said or any("p_detect" in layer for _, layer in stated):
+        return layers
+    _log.info("maps, and no preset: tuned")
+    return [("preset tuned", preset), *layers]
 
 
 @dataclass(frozen=True, slots=True)

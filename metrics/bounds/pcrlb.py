@@ -5,8 +5,10 @@ A link's measurements are a Poisson process of clutter, line of sight and scatte
 its known noise ``sigma_d = c / (sqrt(8) pi beta_bw u)`` with u inversely proportional to the length
 of the path. Transitions and prior are those of the filter
 (:mod:`echoset.models.motion`); signal-to-noise ratio, bandwidth, depth of the sector and heights
-are those of the recording. Where the truth has no extent and no link is passive, the bound is that
-of a device alone (:mod:`.alone`), from ranges and differences. ``pcrlb`` counts the links that
+are those of the recording, and so is whether ranges have an unknown offset: then the state has one
+more variable for each anchor, with the filter's prior and walk. Where the truth has no extent and
+no link is passive, the bound is that of a device alone (:mod:`.alone`), from ranges and
+differences. ``pcrlb`` counts the links that
 delivered an event, ``pcrlb-star`` (:mod:`.pcrlb_star`) the blocked ones as well.
 
 The bound belongs to no estimator: that column is empty. ``<name>-valid`` is 1 while the standard
@@ -20,6 +22,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ...models.columns import ACTIVE, PASSIVE, TDOA
 from ...models.errors import InputError
@@ -75,6 +78,18 @@ class Params(ScoredObject):
     )
     width: float = parameter(0.1, "m", "true depth of the scattering sector", within="(0, inf)")
     device_height: float = parameter(0.0, "m", "height of the device and its object")
+    range_bias_std: float = parameter(
+        0.0,
+        "m",
+        "standard deviation of what every range has too much; 0: nothing is",
+        within="[0, inf)",
+    )
+    range_bias_spread: float = parameter(
+        0.1, "m", "standard deviation of an anchor's own part of it", within="[0, inf)"
+    )
+    range_bias_walk: float = parameter(
+        0.02, "m s-1/2", "random walk of an anchor's own part", within="[0, inf)"
+    )
     acceleration_std: float = parameter(2.0, "m s-2", "white acceleration", within="(0, inf)")
     bias_distance_std: float = parameter(
         0.1, "m", "random walk of b_rho per 0.1 s", within="(0, inf)"
@@ -134,14 +149,21 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
         x, y, z = pose_at(recording.sensors[anchors[node]], int(steps[time]))[0].tolist()
         return x, y, z
 
-    J_z = np.zeros((len(steps), len(paths.STATE), len(paths.STATE)))
+    size, offset = len(paths.STATE), {node: n for n, node in enumerate(anchors)}
+    size += len(anchors) if params.range_bias_std > 0 else 0
+    J_z = np.zeros((len(steps), size, size))
     for k, i, j in zip(step.tolist(), tx.tolist(), rx.tolist(), strict=True):
         rx_place = place(j, k)
         assert rx_place is not None
-        J_z[k] += link_information(tuple(states[k].tolist()), place(i, k), rx_place, params)
-    F, Q = transitions(np.diff(seconds(steps), prepend=seconds(steps[:1])), params)
+        J = link_information(tuple(states[k].tolist()), place(i, k), rx_place, params)
+        seen = [*range(len(paths.STATE)), len(paths.STATE) + offset[j]][: len(J)]
+        J_z[k][np.ix_(seen, seen)] += J
+    dt = np.diff(seconds(steps), prepend=seconds(steps[:1]))
     first = np.array([place(node, 0) for node in anchors], float)
-    P = covariance_bounds(prior(first, params), F, Q, J_z)
+    model = prior(first, params), *transitions(dt, params)
+    if params.range_bias_std > 0:
+        model = with_offsets(*model, dt, len(anchors), params)
+    P = covariance_bounds(*model, J_z)
     inside = params.contains(steps)
     if not inside.any():
         raise InputError(f"{recording.meta.name}: no event is within the time to be scored")
@@ -150,6 +172,7 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
         "device": np.stack([paths.device(y)[1] for y in states]),
         "centre": np.eye(2, len(paths.STATE)),
     }
+    P = P[:, : len(paths.STATE), : len(paths.STATE)]
     for part, g in G.items():
         bound = np.sqrt(np.trace(g @ P @ np.swapaxes(g, -1, -2), axis1=1, axis2=2))[inside]
         key = recording.meta.name, "", name, part
@@ -235,7 +258,10 @@ def true_states(recording: Recording, time_ns: Array, params: Params) -> Array:
 def link_information(
     state: tuple[float, ...], tx: Point | None, rx: Point, params: Params
 ) -> Array:
-    """Fisher information (9, 9) of the link from ``tx`` (None: the device) to ``rx``."""
+    """Fisher information of the link from ``tx`` (None: the device) to ``rx``.
+
+    It is (9, 9), or (10, 10) with the offset of the ranges at ``rx``, where that is unknown.
+    """
     y, anchor = np.array(state), np.array(rx)
     sender = None if tx is None else np.array(tx)
     height = params.device_height
@@ -245,6 +271,8 @@ def link_information(
         los, los_y = paths.direct(y, anchor, height)
         length, gradient = np.concatenate([los, length]), np.concatenate([los_y, gradient])
         weight = np.concatenate([[params.mean_los], weight])
+    if params.range_bias_std > 0:
+        gradient = np.column_stack((gradient, np.ones(len(gradient))))
     std = range_std(free_space_amplitude(length, params.snr_db), params.rms_bandwidth)
     return information(length, std, weight, gradient, params.mean_clutter / params.max_range)
 
@@ -281,3 +309,17 @@ def transitions(dt: Array, params: Params) -> tuple[Array, Array]:
         Q[n, :4, :4] = motion_noise(params.acceleration_std, step)
         Q[n, range(4, 9), range(4, 9)] = np.square(walk_std(walks, step))
     return F, Q
+
+
+def with_offsets(
+    P0: Array, F: Array, Q: Array, dt: Array, anchors: int, params: Params
+) -> tuple[Array, Array, Array]:
+    """Prior, F and Q with an offset of the ranges for each of so many ``anchors`` behind."""
+    eye = np.eye(anchors)
+    own = params.range_bias_std**2 + params.range_bias_spread**2 * eye
+    walks = params.range_bias_walk**2 * dt[:, None, None] * eye
+    return (
+        block_diag(P0, own),
+        np.stack([block_diag(f, eye) for f in F]),
+        np.stack([block_diag(q, walk) for q, walk in zip(Q, walks, strict=True)]),
+    )

@@ -22,10 +22,10 @@ from ....models.errors import EstimatorError
 from ....models.records import Array, Estimates, Objects, Recording, Scan
 from ..choice import Choice
 from ..params import MAPS
-from .moves import CROWD, born, overlapping, rethought, without
+from .moves import CROWD, born, needed, overlapping, rethought, without
 from .params import Params
 from .scene import Layout, View
-from .targets import Targets, predict, update
+from .targets import GAIN, SURE, YOUNG, Targets, predict, update
 
 __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
 SUMMARY = "Track-before-detect in range-angle maps of base stations, by the likelihood of all cells"
@@ -78,6 +78,7 @@ def step(
     gone = np.flatnonzero(exists < -params.birth_price)
     if len(gone):
         targets, mean = without(targets, view, mean, gone)
+    targets = _doubted(targets, view, mean, params)
     evidence = MEMORY * state.evidence + (1 - MEMORY) * view.gains(mean, params.shape)
     most = FIRST if state.time_ns is None else LATER
     if state.time_ns is None:
@@ -91,12 +92,29 @@ def step(
     return State(targets, evidence, free, time_ns, state.turn + 1)
 
 
+def _doubted(targets: Targets, view: View, mean: Array, params: Params) -> Targets:
+    """The targets, those that are young or unsure beside others less sure if these do without."""
+    crowded, young = _crowded(targets), targets.age <= YOUNG
+    exists = targets.exists.copy()
+    for i in np.flatnonzero(crowded & (young | (targets.exists < SURE))):
+        gain = needed(targets, view, mean, int(i), params) - params.live_price
+        exists[i] = min(exists[i] + min(np.clip(gain, -GAIN, GAIN), 0.0), SURE)
+    return replace(targets, exists=exists)
+
+
+def _crowded(targets: Targets) -> Array:
+    """Which targets (n,) have another near them."""
+    x, y = targets.m[:, :2].T
+    d = np.hypot(x[:, None] - x, y[:, None] - y)
+    return np.asarray(np.count_nonzero(d < CROWD, axis=0) > 1)
+
+
 def _due(targets: Targets, params: Params) -> Array:
     """Which targets (n,) are explained anew: after some scans, and new ones beside others."""
-    p = targets.m[:, :2]
-    crowded = (np.hypot(*(p[:, None] - p).T) < CROWD).sum(0) > 1
+    crowded = _crowded(targets)
     often = (targets.age + targets.label) % params.rethink == 0
-    return np.asarray((np.isin(targets.age, SOON) & crowded) | (often & (targets.age > 1)))
+    due: Array = (np.isin(targets.age, SOON) & crowded) | (often & (targets.age > 1))
+    return due
 
 
 def estimate(

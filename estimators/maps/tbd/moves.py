@@ -34,16 +34,23 @@ APART, BESIDE = 0.5, 0.3
 """Least distance [m] of two pedestrians, and of a pedestrian's middle from a vehicle's outline."""
 TENTATIVE = 0.3
 """Share of its price that a new target must be worth to be followed; it is shown when it exists."""
-LEAST, FAILED = 5.0, -10.0
+LEAST, FAILED = 5.0, -2.0
 """Evidence of a place from which on it is looked at, and after it has been in vain."""
+AT_FIRST = 1.5
+"""Most log-odds of existence of what one scan has shown."""
+FEWER = 1.0
+"""What it is worth to do with one target less."""
 CROWD = 6.0
 """Distance [m] up to which targets are explained together."""
 
 
-def score(view: View, mean: Array, targets: Targets, params: Params) -> float:
-    """Tempered log-likelihood less the price of the targets."""
-    found = params.weight * view.log_likelihood(mean, params.shape)
-    return found - params.birth_price * len(targets)
+def score(view: View, mean: Array, more: int, params: Params) -> float:
+    """Tempered log-likelihood of a scene with ``more`` targets than before, less their price.
+
+    One scan says little against a target that many have seen: fewer are hardly worth more.
+    """
+    price = params.birth_price if more > 0 else FEWER
+    return params.weight * view.log_likelihood(mean, params.shape) - price * more
 
 
 def proposals(place: Array, params: Params) -> Iterator[tuple[int, Array, float]]:
@@ -70,10 +77,12 @@ def best(
     for kind, some in enumerate(tried):
         for _, where, heading in sorted(some, key=lambda t: -t[0])[:TRIED]:
             x, P = prior(params, where, heading)
-            start, _ = jumped(view, mean, kind, x, P, OFFSETS[kind], at, params)
-            m, P, gain = correct(view, mean, kind, start, P, start, at, params)
+            m, S = x, P
+            for _ in range(1 + kind):
+                start, _ = jumped(view, mean, kind, m, P, OFFSETS[kind], at, params)
+                m, S, gain = correct(view, mean, kind, start, P, start, at, params)
             if clear(kind, m, others, params):
-                found.append((gain, kind, m, P))
+                found.append((gain, kind, m, S))
     if not found:
         return None
     lead = [max((f[0] for f in found if f[1] == kind), default=-np.inf) for kind in (0, 1)]
@@ -152,7 +161,7 @@ def one(kind: int, m: Array, P: Array, exists: float, lead: float, label: int) -
     """A single target."""
     odds = max(lead, 0.1) if kind == VEHICLE else min(lead, -0.1)
     return Targets(
-        m[None], P[None], np.array([kind]), np.array([min(exists, 5.0)]), np.array([odds]),
+        m[None], P[None], np.array([kind]), np.array([min(exists, AT_FIRST)]), np.array([odds]),
         np.array([label]), np.zeros(1, np.int64),
     )  # fmt: skip
 
@@ -188,33 +197,61 @@ def rethought(
     """The targets with those near the one at ``about`` explained anew, if that is better."""
     d = np.hypot(*(targets.m[:, :2] - targets.m[about, :2]).T)
     near = np.flatnonzero(d < CROWD)
-    before = score(view, mean, targets, params)
-    top, chosen = before + params.birth_price / 2, None
-    if len(near) > 1:
-        kept, rest = without(targets, view, mean, np.array([about]))
-        others = near[near != about]
-        kept, rest = refitted(kept, view, rest, others - (others > about), params)
-        after = score(view, rest, kept, params)
-        if after > top:
-            top, chosen = after, (kept, rest, free)
-    for index in ([about], near) if len(near) > 1 else ([about],):
-        kept, rest = without(targets, view, mean, np.asarray(index))
-        places = view.layout.places
+    top, chosen = score(view, mean, 0, params) + params.birth_price / 2, None
+    places = view.layout.places
+    far = np.hypot(*(places - targets.m[about, :2]).T) > CROWD + 3
+    for index, seed in _groups(targets, about, near, params):
+        kept, rest = without(targets, view, mean, index)
+        next_free = free
+        if seed is not None:
+            one_ = best(view, rest, seed, kept, params)
+            if one_ is None or one_[1] != VEHICLE:
+                continue
+            gain, kind, m, P, lead = one_
+            kept = kept.join(one(kind, m, P, gain - params.birth_price, lead, next_free))
+            next_free += 1
+            view.add(rest, 1.0, kind, vector(m), view.whole)
         evidence = view.gains(rest, params.shape)
-        far = np.hypot(*(places - targets.m[about, :2]).T) > CROWD + 3
         evidence[far] = -np.inf
-        found, next_free = born(kept, view, rest, evidence, free, 2 * len(index) + 2, params)
-        after = score(view, rest, found, params)
+        found, next_free = born(kept, view, rest, evidence, next_free, 2 * len(index) + 2, params)
+        after = score(view, rest, len(found) - len(targets), params)
         if after > top:
             top, chosen = after, (found, rest, next_free)
     return (targets, mean, free) if chosen is None else _relabelled(targets, *chosen, free)
+
+
+def _groups(
+    targets: Targets, about: int, near: Array, params: Params
+) -> Iterator[tuple[Array, Array | None]]:
+    """Which targets are explained together, and a place where a vehicle is tried first."""
+    yield np.array([about]), None
+    if len(near) == 1:
+        return
+    yield near, None
+    if targets.kind[about] == PEDESTRIAN:
+        p = targets.m[:, :2]
+        d = np.hypot(*(p - p[about]).T)
+        parts = np.flatnonzero((targets.kind == PEDESTRIAN) & (d < params.vehicle_length + 1))
+        for size in range(len(parts), 1, -1):
+            some = parts[np.argsort(d[parts], kind="stable")[:size]]
+            yield some, p[some].mean(0)
+
+
+def needed(targets: Targets, view: View, mean: Array, about: int, params: Params) -> float:
+    """What a target adds to the score if those near it do as well as they can without it."""
+    d = np.hypot(*(targets.m[:, :2] - targets.m[about, :2]).T)
+    near = np.flatnonzero((d < CROWD) & (d > 0))
+    kept, rest = without(targets, view, mean, np.array([about]))
+    kept, rest = refitted(kept, view, rest, near - (near > about), params)
+    gain = view.log_likelihood(mean, params.shape) - view.log_likelihood(rest, params.shape)
+    return params.weight * gain
 
 
 def _relabelled(
     before: Targets, after: Targets, mean: Array, free: int, first: int
 ) -> tuple[Targets, Array, int]:
     """New targets with the labels of those that they replace, the nearest of their class."""
-    label = after.label.copy()
+    label, exists = after.label.copy(), after.exists.copy()
     gone = [i for i in range(len(before)) if before.label[i] not in label]
     for j in np.flatnonzero(label >= first):
         d = [
@@ -224,4 +261,5 @@ def _relabelled(
         if d and min(d) < 3.0:
             i = gone.pop(int(np.argmin(d)))
             label[j] = before.label[i]
-    return replace(after, label=label), mean, free
+            exists[j] = max(exists[j], before.exists[i])
+    return replace(after, label=label, exists=exists), mean, free

@@ -78,7 +78,10 @@ class Params(BodyParams, FusionParams):
         0.3, "m s-1", "deviation of a vehicle's speed across its heading", within="(0, inf)"
     )
     std_brightness: float = parameter(
-        0.3, "1", "deviation of a target's log brightness from its class", within="(0, inf)"
+        0.3,
+        "1",
+        "deviation of a target's log brightness from what a body of its class has",
+        within="(0, inf)",
     )
     brightness_time: float = parameter(2.0, "s", "time over which it changes", within="(0, inf)")
     std_speed: float = parameter(

@@ -27,7 +27,7 @@ STRIDE = np.array([0.5, 0.5, 2.0, 2.0, 0.3, 0.5])
 """Longest step of the scoring in each entry."""
 POSE = np.array([0, 1, 4])
 """What of the state a mode may differ in: x, y, heading."""
-DOUBTED = np.array([0.12, 0.12, 0.1])
+DOUBTED = np.array([0.07, 0.07, 0.06])
 """Deviations [m, rad] that a prediction is never surer than when modes are compared."""
 
 
@@ -53,6 +53,11 @@ NEARBY = (
 """What is tried in most scans."""
 SEARCH = 5
 """Scans from one search of all modes to the next."""
+DIM = -0.5
+"""Log brightness in the mean: the cells of an echo fluctuate together, and the logarithm of an
+exponential is -0.58 in the mean."""
+YOUNG = 10
+"""Scans in which a target is doubted more."""
 GAIN = 3.0
 """Most that one scan says of existence or class, in nats."""
 DOUBT = 5
@@ -110,12 +115,14 @@ def predict(targets: Targets, params: Params, dt: float) -> Targets:
     Q[:4, :4] = params.acceleration_density * white_acceleration(dt)
     Q[4, 4] = params.turn_density * dt
     Q[5, 5] = (1 - keep**2) * params.std_brightness**2
-    return replace(targets, m=targets.m @ F.T, P=F @ targets.P @ F.T + Q)
+    m = targets.m @ F.T
+    m[:, 5] += (1 - keep) * DIM
+    return replace(targets, m=m, P=F @ targets.P @ F.T + Q)
 
 
 def prior(params: Params, place: Array, heading: float) -> tuple[Array, Array]:
     """Mean (6,) and covariance (6, 6) of a new target, which is refined from there."""
-    m = np.array([*place, 0.0, 0.0, heading, 0.0])
+    m = np.array([*place, 0.0, 0.0, heading, DIM])
     std = np.array([1.0, 1.0, params.std_speed, params.std_speed, 0.5, params.std_brightness])
     return m, np.diag(std**2)
 
@@ -157,8 +164,13 @@ def correct(
         if (np.abs(step[SEEN]) < 0.01).all():
             break
     P = np.linalg.inv(L)
+    return x, (P + P.T) / 2, worth(view, rest, kind, x, at, params)
+
+
+def worth(view: View, rest: Array, kind: int, x: Array, at: Array, params: Params) -> float:
+    """What a target adds to the tempered log-likelihood, and to that of its brightness."""
     gain, _, _ = view.fit(rest, kind, vector(x), at, params.shape, False)
-    return x, (P + P.T) / 2, params.weight * gain
+    return float(params.weight * gain - 0.5 * ((x[5] - DIM) / params.std_brightness) ** 2)
 
 
 def jumped(
@@ -170,15 +182,17 @@ def jumped(
     offsets: Array,
     at: Array,
     params: Params,
+    doubt: float = 1.0,
 ) -> tuple[Array, Array]:
     """Where to look for the mode, and the covariance of the prediction, less sure if it is far.
 
     The nulls between a kernel's sidelobes make modes a range bin apart. Of places and headings
     at the ``offsets`` (n, 3) the best is chosen by the tempered likelihood and a prior that is
-    never surer than :data:`DOUBTED`; the covariance grows so that what is chosen is not improbable.
+    never surer than ``doubt`` times :data:`DOUBTED`; the covariance grows so that what is chosen is
+    not improbable.
     """
     x = vector(m)
-    S = P[np.ix_(POSE, POSE)] + np.diag(DOUBTED**2)
+    S = P[np.ix_(POSE, POSE)] + np.diag((doubt * DOUBTED) ** 2)
     far = 0.5 * (offsets * np.linalg.solve(S, offsets.T).T).sum(1)
     top, best = view.fit(rest, kind, x, at, params.shape, False)[0], None
     for d, cost in zip(offsets, far / params.weight, strict=True):
@@ -209,11 +223,12 @@ def update(targets: Targets, view: View, mean: Array, params: Params) -> tuple[T
         at = windows(view.layout, m[i, 0], m[i, 1], REACH[VEHICLE])
         near = windows(view.layout, m[i, 0], m[i, 1], REACH[k])
         age = int(targets.age[i])
-        few = age > 3 and (age + targets.label[i]) % SEARCH
+        few = age > YOUNG / 2 and (age + targets.label[i]) % SEARCH
         offsets = (NEARBY if few else OFFSETS)[k]
-        start, S = jumped(view, mean, k, m[i], P[i], offsets, near, params)
+        doubt = 3.0 if age < YOUNG else 1.0
+        start, S = jumped(view, mean, k, m[i], P[i], offsets, near, params, doubt)
         x, S, _ = correct(view, mean, k, m[i], S, start, near, params)
-        gain = params.weight * view.fit(mean, k, vector(x), at, params.shape, False)[0]
+        gain = worth(view, mean, k, x, at, params)
         if abs(vehicle[i]) < SURE or targets.age[i] % DOUBT == 0:
             y, T = turned(x, S, k, params)
             y, T, other = correct(view, mean, 1 - k, y, T, y, at, params)
@@ -235,7 +250,7 @@ def turned(m: Array, P: Array, kind: int, params: Params) -> tuple[Array, Array]
     m, P = m.copy(), P.copy()
     if kind == PEDESTRIAN and np.hypot(m[2], m[3]) > 0.3:
         m[4] = np.arctan2(m[3], m[2])
-    m[5] = 0.0
+    m[5] = DIM
     P[:2, :2] += 0.5**2 * np.eye(2)
     P[4, 4] += 0.5**2
     P[5] = P[:, 5] = 0.0

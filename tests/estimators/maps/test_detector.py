@@ -490,6 +490,21 @@ def test_parts_may_be_replaced(module, scene, network):
 
 
 @FILTERS
+def test_maps_without_a_preset_are_seen_as_tuned(module, scene):
+    stated = sensor_model(scene.setup(), module.Params)
+    bare = module.resolved(module.Params, scene, stated, ())
+    tuned = (("preset tuned", module.PRESETS["tuned"]),)
+    assert bare == module.resolved(module.Params, scene, stated, tuned)
+    given = module.resolved(
+        module.Params, scene, stated, (("--set", {"p_detect": 0.7, "clutter_rate": 1.0}),)
+    )
+    assert given.p_detect == 0.7 and given.gate_vehicle == module.Params.gate_vehicle
+    points = Stream("position", ("s0",), {}, np.zeros(0, int), np.zeros(1, int), {}, {})
+    with pytest.raises(InputError, match="p_detect"):
+        module.resolved(module.Params, replace(scene, streams={"p": points}), (), ())
+
+
+@FILTERS
 def test_missing_weights(module, scene, network, tmp_path, monkeypatch):
     with pytest.raises(FormatError, match=r"none.npz: no weights: No such file"):
         run(module, scene, str(tmp_path / "none.npz"))
