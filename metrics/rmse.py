@@ -1,4 +1,4 @@
-"""Root mean square error of the device's and the object's position and of the extent.
+"""Root mean square error of the device's and the object's position, of extent and heading.
 
 For one recording, ``rmse`` at a time is the error itself and the aggregate is the root of its mean
 square over the steps, with a standard error by block bootstrap over consecutive steps. Pooling
@@ -27,7 +27,7 @@ class Params(ScoredObject):
     """The parts that are scored, and the bootstrap of their standard errors."""
 
     parts: tuple[str, ...] = parameter(
-        (), "1", "device, centre, extent; empty: all there are", within=PARTS
+        (), "1", "device, centre, extent, heading; empty: all there are", within=PARTS
     )
     block: int = parameter(
         20,
@@ -39,7 +39,7 @@ class Params(ScoredObject):
 
 
 def summarise(names: Names, measured: Measured, params: Params) -> Scores:
-    """Errors [m] per step, their root mean square, and the number of steps left out."""
+    """Errors [m, rad] per step, their root mean square, and the number of steps left out."""
     tables = []
     for part, e in measured.values.items():
         whole = float(np.sqrt(np.mean(e**2)))
@@ -54,7 +54,7 @@ def summarise(names: Names, measured: Measured, params: Params) -> Scores:
 
 
 METRIC = Metric(
-    "root mean square error of device, centre and extent, per step and over all",
+    "root mean square error of device, centre, extent and heading, per step and over all",
     Params,
     of_track(lambda aligned, params: errors(params.parts, PARTS, aligned)),
     summarise,

@@ -18,6 +18,7 @@ centre is linear in the state and always valid. The prior holds at the first eve
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -36,6 +37,7 @@ from ..kit.table import rows
 from . import alone, paths
 from .information import covariance_bounds, information
 
+_log = logging.getLogger(__name__)
 Point = tuple[float, float, float]
 
 SUMMARY = "posterior Cramér-Rao bound on the device and the centre, blocked links without events"
@@ -200,6 +202,8 @@ def _alone(recording: Recording, stream: Stream, params: Params, name: str) -> S
     inside = params.contains(steps)
     if not inside.any():
         raise InputError(f"{recording.meta.name}: no event is within the time to be scored")
+    if any(s.kind == "odometry" for s in recording.streams.values()):
+        _log.warning("%s: the bound does not know of the odometry", recording.meta.name)
     P = alone.bound(recording, stream, steps, p, params)
     value = np.sqrt(np.trace(P[:, :2, :2], axis1=1, axis2=2))[inside]
     key = recording.meta.name, "", name, "device"

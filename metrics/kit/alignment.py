@@ -215,7 +215,8 @@ def is_known(truth: Objects, time_ns: Array, gap: float) -> Array:
 def blend(first: Objects, second: Objects, w: Array) -> Objects:
     """``first`` moved towards ``second`` by the share ``w`` (m,), row by row.
 
-    Ellipses rotate the shorter way; columns without values between two are those of ``first``.
+    Ellipses and headings rotate the shorter way; columns without values between two are those of
+    ``first``.
     """
 
     def between(a: Array, b: Array, period: float = np.inf) -> Array:
@@ -224,7 +225,11 @@ def blend(first: Objects, second: Objects, w: Array) -> Objects:
             step = (step + period / 2) % period - period / 2
         return np.asarray(a + w.reshape(-1, *(1,) * (a.ndim - 1)) * step)
 
-    moved = replace(first, state=between(first.state, second.state))
+    state = between(first.state, second.state)
+    if "heading" in first.state_names:
+        k = first.state_names.index("heading")
+        state[:, k] = between(first.state[:, k], second.state[:, k], 2 * np.pi)
+    moved = replace(first, state=state)
     if first.semi_axes is not None and second.semi_axes is not None:
         moved = replace(moved, semi_axes=between(first.semi_axes, second.semi_axes))
     if first.rotation is not None and second.rotation is not None and first.rotation.ndim == 1:

@@ -1,4 +1,4 @@
-"""Errors of the parts of an object: its device, its centre, its extent."""
+"""Errors of the parts of an object: its device, its centre, its extent, its heading."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...models.extent import from_axes, squared_wasserstein
 from ...models.records import Array, Objects
 from .alignment import AlignedTrack
 
-PARTS = ("device", "centre", "extent")
+PARTS = ("device", "centre", "extent", "heading")
 PLANAR = ("circle", "ellipse")
 _PREFIX = {"device": "device_", "centre": ""}
 
@@ -27,6 +27,8 @@ def has(part: str, aligned: AlignedTrack) -> bool:
     both = (aligned.estimate, aligned.truth)
     if part == "extent":
         return all(o.extent_kind in PLANAR and o.semi_axes is not None for o in both)
+    if part == "heading":
+        return all("heading" in o.state_names for o in both)
     return len(axes(part, *both)) >= 2
 
 
@@ -61,7 +63,11 @@ def deviation(part: str, aligned: AlignedTrack) -> Array:
 
 
 def error(part: str, aligned: AlignedTrack) -> Array:
-    """Position error, or Gaussian-Wasserstein distance of the extents, at each step (k,) [m]."""
+    """Error at each step (k,): of a position [m], of a heading [rad], or the Gaussian-Wasserstein
+    distance of the extents [m]."""
+    if part == "heading":
+        a, b = (o.columns("heading")[:, 0] for o in (aligned.estimate, aligned.truth))
+        return np.asarray(np.abs((a - b + np.pi) % (2 * np.pi) - np.pi))
     if part == "extent":
         both = (aligned.estimate, aligned.truth)
         return np.sqrt(squared_wasserstein(*map(_covariances, both)))

@@ -1,4 +1,4 @@
-"""A measured recording: two-way ranges of a robot in a labyrinth, active links only."""
+"""A measured recording: two-way ranges of a robot in a labyrinth, and its wheels."""
 
 from __future__ import annotations
 
@@ -22,3 +22,21 @@ def test_ranges_taken_as_calibrated():
     value, error = rmse({"range_bias_std": 0.0, "learn": []})
     print(f"range bias left out: {value:.3f} ± {error:.3f} m")
     assert value <= 0.22 + 2 * error
+
+
+def test_all_ranges_at_once():
+    value, error = rmse({}, "range-ls")
+    print(f"range-ls: {value:.3f} ± {error:.3f} m")
+    assert value <= 0.09
+
+
+def test_wheels_help_the_filter():
+    value, error = rmse({}, wheels=True)
+    print(f"with the wheels: {value:.3f} ± {error:.3f} m")
+    assert value <= 0.07 + error
+
+
+def test_wheels_and_all_ranges_at_once():
+    value, error = rmse({}, "range-ls", wheels=True)
+    print(f"range-ls, with the wheels: {value:.3f} ± {error:.3f} m")
+    assert value <= 0.05

@@ -12,7 +12,18 @@ from ..links import NO_LINKS, Links, Network, link_steps
 from ..odometry import Increment, Odometer
 from .params import Params
 
-PER_RANGE = ("step", "anchor", "place", "z", "std", "reference", "other", "shared", "offset")
+PER_RANGE = (
+    "step",
+    "anchor",
+    "place",
+    "z",
+    "std",
+    "reference",
+    "other",
+    "shared",
+    "offset",
+    "counts",
+)
 """Columns of :class:`Data` with a value for each range."""
 
 
@@ -25,8 +36,9 @@ class Data:
     ``reference`` (M,) is the anchor, at ``other`` (M, 3) [m], whose distance is taken off; of a
     range it is -1. ``shared`` (M,) [m] is the standard deviation of the noise that all differences
     of a time share; it is not in ``std``. On a body the tag is at
-    ``offset`` (M, 2) [m] from its centre. Where odometry tells, ``increments`` (n) lead to each
-    time.
+    ``offset`` (M, 2) [m] from its centre. Where ranges share their errors, each ``counts`` (M,)
+    for less than one, and its ``std`` is wider. Where odometry tells, ``increments`` (n) lead to
+    each time.
     """
 
     time_ns: Array
@@ -40,6 +52,7 @@ class Data:
     other: Array
     shared: Array
     offset: Array
+    counts: Array
     increments: tuple[Increment, ...]
 
     @property
@@ -87,22 +100,23 @@ def gather(
     rows = dict(zip(PER_RANGE, (np.concatenate(c) for c in zip(*parts, strict=True)), strict=True))
     order = np.argsort(rows["step"], kind="stable")
     rows = {name: values[order] for name, values in rows.items()}
-    rows["std"] = rows["std"] * _shared_by(rows, params.noise_time)
+    rows["counts"] = _counts(rows, params.noise_time)
+    rows["std"] = rows["std"] / np.sqrt(rows["counts"])
     rows["step"] = np.searchsorted(times, rows["step"])
     return Data(times, len(nets[0][0].sensors), increments=increments, **rows)
 
 
-def _shared_by(rows: dict[str, Array], noise_time: float) -> Array:
-    """Factors (M,) of standard deviations: of n ranges in ``noise_time`` [s] each counts 1 / n."""
+def _counts(rows: dict[str, Array], noise_time: float) -> Array:
+    """For how much (M,) each range counts: of n of a link in ``noise_time`` [s] for 1 / n."""
     keys = [rows[name] for name in ("anchor", "reference")] + list(rows["offset"].T)
     _, link = np.unique(np.stack(keys), axis=1, return_inverse=True)
-    factor = np.ones(len(rows["z"]))
+    counts = np.ones(len(rows["z"]))
     for one in range(link.max(initial=-1) + 1):
         own = np.flatnonzero(link == one)
         if len(own) > 1:
             usual = max(float(np.median(np.diff(rows["step"][own]))) * 1e-9, 1e-9)
-            factor[own] = np.sqrt(max(noise_time / usual, 1.0))
-    return factor
+            counts[own] = min(usual / noise_time, 1.0) if noise_time > 0 else 1.0
+    return counts
 
 
 def _columns(
@@ -127,4 +141,5 @@ def _columns(
         anchors[of],
         std * np.sqrt(correlation),
         np.tile(offset, (len(rx), 1)),
+        np.ones(len(rx)),
     )

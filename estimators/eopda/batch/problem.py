@@ -188,10 +188,10 @@ class Problem:
         r = (self.data.z - z) / std
         psi, above, below = (self.loss(s, std)[1] * s for s in (r, r + SMALL, r - SMALL))
         slope = max(float(np.mean((above - below) / (2 * SMALL))), 1e-3)
-        taken, own = 0.0, slope
+        taken = 0.0
         for _ in range(2):
             chain, _ = self.motion.normal(x)
-            own = slope**2 / (float(np.mean(psi**2)) / (1 - taken))
+            own = slope**2 / (float(np.mean(psi**2)) / (1 - taken)) * self.data.counts
             self._add(chain, H, own / std**2)
             P = diagonal_of_inverse(chain)
             lever = np.einsum("mi,mij,mj->m", H, P[self.data.step], H, optimize=True)

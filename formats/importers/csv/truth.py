@@ -89,6 +89,8 @@ class Transform:
                 a, b = columns[x], columns[y]
                 columns[x] = c * a - s * b + moved * shift[0]
                 columns[y] = s * a + c * b + moved * shift[1]
+        if "heading" in columns:
+            columns["heading"] = columns["heading"] + angle
         for z, moved in (("z", 1), ("vz", 0)):
             if z in columns:
                 columns[z] = self.scale * columns[z] + moved * (*shift, 0.0)[2]
@@ -110,11 +112,18 @@ def read(spec: object, F: Array, tables: Tables) -> Truth:
     columns, there = table.detections(names, ())
     if reading.device is not None:
         names += [n for n in _mounted(table, reading, columns) if n not in names]
+    if "x" in columns and (heading := _heading(table)) is not None:
+        names.append("heading")
+        columns["heading"] = heading
     if reading.transform:
         resolve(Transform, ("truth.transform", reading.transform)).to_ours(columns)
     for x, y in (("x", "y"), ("vx", "vy"), ("device_x", "device_y")):
         if x in columns:
             columns[x], columns[y] = turn(F, columns[x], columns[y])
+    if "heading" in columns:
+        c, s = np.cos(columns["heading"]), np.sin(columns["heading"])
+        c, s = turn(F, c, s)
+        columns["heading"] = np.arctan2(s, c)
     for z in ("z", "vz"):
         if z in columns:
             columns[z] = F[2, 2] * columns[z]
@@ -132,8 +141,17 @@ def read(spec: object, F: Array, tables: Tables) -> Truth:
     times = np.unique(time)
     offset = np.append(np.searchsorted(time[order], times), len(order)).astype(np.int64)
     state = np.column_stack([columns[name] for name in names])[order]
-    units = tuple(STATE[name] for name in names)
+    units = tuple((STATE | {"heading": "rad"})[name] for name in names)
     return Truth(Objects(times, offset, label[order], tuple(names), units, state))
+
+
+def _heading(table: Log) -> Array | None:
+    """The heading of the body (m,) [rad], from yaw or quaternion, if the table tells it."""
+    q = quaternions(table)
+    if q is not None:
+        x, y, z, w = q.T
+        return np.asarray(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+    return table.values("yaw") if "yaw" in table else None
 
 
 def _mounted(table: Log, reading: TruthReading, columns: dict[str, Array]) -> tuple[str, str]:

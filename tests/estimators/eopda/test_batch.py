@@ -78,7 +78,13 @@ def ranges(x: np.ndarray, rng: np.random.Generator, dt: float = 0.2, std: float 
     place = np.hstack((ANCHORS, np.zeros((J, 1))))[anchor]
     z = np.linalg.norm(x[step, :2] - place[:, :2], axis=1) + std * rng.normal(size=n * J)
     time_ns = np.rint(np.arange(n) * dt * 1e9).astype(np.int64)
-    none = np.full(n * J, -1), np.zeros((n * J, 3)), np.zeros(n * J), np.zeros((n * J, 2))
+    none = (
+        np.full(n * J, -1),
+        np.zeros((n * J, 3)),
+        np.zeros(n * J),
+        np.zeros((n * J, 2)),
+        np.ones(n * J),
+    )
     return Data(time_ns, J, step, anchor, place, z, np.full(n * J, std), *none, ())
 
 

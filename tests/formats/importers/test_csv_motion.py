@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from echoset.formats.importers import csv
+from echoset.metrics.kit.alignment import AlignedTrack, blend
+from echoset.metrics.kit.errors import error
 from echoset.models.columns import TDOA
 from echoset.models.errors import FormatError, ParameterError
 from echoset.models.records import Recording
@@ -15,6 +18,9 @@ from echoset.models.records import Recording
 RANGES = "t,anchor,d\n0,A,1.5\n0,B,2.5\n1,A,1.6\n"
 COMMON = {"anchors": {"A": [0, 0], "B": [5, 0]}, "devices": {"robot": 0}}
 UWB = {"kind": "uwb", "columns": {"time": "t", "anchor": "anchor", "distance": "d"}}
+
+
+TURN = np.array([0.0, 0.0, 2 * np.pi - 0.1])
 
 
 def read(folder: Path, wheels: str, odometry: dict, **more: object) -> Recording:
@@ -94,3 +100,23 @@ def test_differences_name_their_reference(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("t,ref,anchor,d\n0,B,B,-1.5\n")
     with pytest.raises(FormatError, match="is the anchor itself"):
         csv.read([tmp_path / "log.csv"], csv.Params(mapping=mapping))
+
+
+def test_truth_tells_the_heading_and_it_is_scored_on_the_circle(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,anchor,d\n0,A,1.5\n0.5,B,2.5\n1,A,1.6\n")
+    (tmp_path / "truth.csv").write_text("t,x,y,yaw\n0,0,0,170\n1,1,0,-170\n")
+    truth = {
+        "file": str(tmp_path / "truth.csv"),
+        "columns": {"time": "t", "x": "x", "y": "y", "yaw": {"column": "yaw", "unit": "deg"}},
+        "transform": {"rotation": "90 deg"},
+    }
+    mapping = {**COMMON, **UWB, "truth": truth}
+    log = csv.read([tmp_path / "log.csv"], csv.Params(mapping=mapping))
+    objects = log.truth.objects
+    assert objects.state_names == ("x", "y", "heading")
+    np.testing.assert_allclose(objects.columns("heading")[:, 0], np.radians([-100, -80]))
+    between = blend(objects.part(0, 1), objects.part(1, 2), np.array([0.5]))
+    assert between.columns("heading")[0, 0] == pytest.approx(np.radians(-90))
+    turned = replace(objects, state=objects.state + TURN)
+    e = error("heading", AlignedTrack(np.arange(2.0), turned, objects, 0))
+    np.testing.assert_allclose(e, 0.1)
