@@ -10,7 +10,7 @@ FORGE ?= 20000
 SEGMENTS := 1.1:3,3.1:6,6.1:8,8.1:11,11.1:13,13.1:18
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check browser fuzz forge docs packaging verify bench marks control-table autoferry labyrinth gsncp-table jsc-table paper paper-quick clean
+.PHONY: demo test check browser fuzz forge docs packaging verify bench marks control-table autoferry labyrinth gsncp-table jsc-table crowds-table paper paper-quick clean
 
 $(STAMP): setup.cfg pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -94,6 +94,10 @@ gsncp-table: $(STAMP)
 # Figures 3 and 4 of the paper on base stations that sense, with an error budget. An hour.
 jsc-table: $(STAMP)
 	PYTHONPATH=benchmarks $(BIN)/python -m papers.stations --jobs $(JOBS) -o jsc
+
+# Filters and smoothers of many targets, and what they cost: docs/results/crowds.md. Half an hour.
+crowds-table: $(STAMP)
+	PYTHONPATH=benchmarks $(BIN)/python -m papers --only crowds -j $(JOBS)
 
 # Tables and figures of the papers, ours beside the published, into docs/results; up to ninety
 # minutes on two cores. What was made before, in build/pieces, is not made again.

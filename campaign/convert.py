@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -41,6 +42,16 @@ class Import:
         params = resolve(module.Params, *first, *layers(self.config, self.settings))
         recording: Recording = module.read([Path(source) for source in self.inputs], params)
         return recording
+
+    def windows(self) -> Iterator[Recording] | None:
+        """The recording in windows of time, from an importer that reads so."""
+        module = registry.load("echoset.importers", self.name)
+        if not hasattr(module, "windows"):
+            return None
+        first = (("--mapping", {"mapping": self.mapping}),) if self.mapping else ()
+        params = resolve(module.Params, *first, *layers(self.config, self.settings))
+        found: Iterator[Recording] = module.windows([Path(s) for s in self.inputs], params)
+        return found
 
 
 def proposal(name: str, log: str) -> str:
@@ -95,7 +106,11 @@ class Task:
     def run(self) -> bool:
         """Read the file and write the same content; whether only part of it could be had."""
         if self.foreign is not None:
-            _write(self.foreign.read(), self.target)
+            windows = self.foreign.windows()
+            if windows is None:
+                _write(self.foreign.read(), self.target)
+            else:
+                _write_windows(windows, self.target)
             return False
         with spooled(self.label) as path:
             if self.recover:
@@ -171,6 +186,22 @@ def _write(record: Recording | Estimates | Scores, target: Target) -> None:
     _known(target, record)
     with target.open() as opened:
         formats.write(record, opened, target.format)
+
+
+def _write_windows(windows: Iterator[Recording], target: Target) -> None:
+    """Write a recording window by window."""
+    writer: Any = None
+    first = next(windows)
+    _known(target, first)
+    with target.open() as opened:
+        writer = formats.writer(opened, target.format)
+        try:
+            writer.append(first)
+            for window in windows:
+                writer.append(window)
+            writer.close(first.meta)
+        finally:
+            writer.abort()
 
 
 def _known(target: Target, record: Recording | Estimates) -> None:

@@ -8,6 +8,7 @@ from pathlib import PurePath
 from typing import Any
 
 from .. import formats
+from ..formats import foreign
 from ..formats import scores as tables
 from ..models.names import printable
 from .inputs import SCORES, label, spooled
@@ -15,6 +16,9 @@ from .inputs import SCORES, label, spooled
 
 def inspect(file: str) -> dict[str, Any]:
     """Header and shapes by path; of scores, the names in them."""
+    listed = foreign.listing(file)
+    if listed is not None:
+        return listed
     with spooled(file) as path:
         if PurePath(file).suffix not in SCORES:
             found = formats.summary(path)
@@ -41,6 +45,9 @@ def lines(found: Mapping[str, Any]) -> Iterator[str]:
     sensors = {k.split("/")[1]: v for k, v in found.items() if _is_sensor_kind(k)}
     if sensors:
         yield _entry("sensors", ", ".join(f"{name} ({kind})" for name, kind in sensors.items()))
+    for topic, about in found.get("topics", {}).items():
+        rate = f", {about['rate']:g} a second" if about["rate"] is not None else ""
+        yield _entry(topic, f"{about['type']}, {about['messages']} messages{rate}: {about['use']}")
     for key in ("rows", "recordings", "estimators", "metrics", "parts"):
         if key in found:
             value = found[key]

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..formats import write
 from ..formats.provenance import versions
-from ..models.arithmetic import in_range
+from ..models.checks import in_range
 from ..models.errors import ParameterError
 from ..models.parameters import as_dict
 from ..models.random import generator

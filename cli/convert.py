@@ -38,7 +38,9 @@ def _propose(importer: str | None, inputs: tuple[str, ...], output: str | None) 
     metavar="NAME",
     help="Importer from 'echoset list importers'; all IN make one recording.",
 )
-@click.option("--mapping", metavar="FILE", help="What columns mean, for --from csv.")
+@click.option(
+    "--mapping", metavar="FILE", help="What columns or messages mean, for --from csv, ros2."
+)
 @click.option(
     "--propose",
     is_flag=True,

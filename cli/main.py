@@ -24,6 +24,8 @@ COMMANDS = (
     "info",
     "validate",
     "convert",
+    "cut",
+    "join",
     "train-classifier",
     "list",
     "describe",

@@ -10,8 +10,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from ..models.arithmetic import in_range
-from ..models.checks import check_objects, check_steps
+from ..models.checks import check_objects, check_steps, in_range
 from ..models.errors import EstimatorError, FormatError, InputError
 from ..models.parameters import Layer, as_dict, layered, resolve, sensor_model
 from ..models.random import generator

@@ -22,7 +22,7 @@ from ..models.errors import FormatError, ParameterError
 from ..models.records import Estimates, Meta, Recording, Scan
 from . import leaves
 from .damage import damage
-from .foreign import hint
+from .foreign import hint, is_bag
 from .whole import WholeWindows, WholeWriter
 from .windows import concatenate, windows
 
@@ -136,7 +136,9 @@ def _identify(source: Target, path: object) -> tuple[Any, str]:
             if stat.S_ISFIFO(source.stat().st_mode):
                 raise FormatError(path, "", "is a pipe: it can be read only once")
             with source.open("rb") as file:
-                head = file.read(8)
+                head = file.read(64)
+            if is_bag(head):
+                raise FormatError(path, "byte 0", f"a bag of ROS 2{hint(source)}")
         elif source.seekable():
             head = source.read(8)
             source.seek(-len(head), io.SEEK_CUR)

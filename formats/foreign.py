@@ -19,14 +19,10 @@ def hint(source: object) -> str:
     bytes, whether it would read it, and ``GENERAL``, by which others come first.
     """
     path = Path(str(source))
-    if path.suffix in _OURS or not (path.is_file() or path.is_dir()):
+    if not (path.is_file() or path.is_dir()):
         return ""
-    try:
-        head = b""
-        if not path.is_dir():
-            with path.open("rb") as file:
-                head = file.read(_HEAD)
-    except OSError:
+    head = _head(path)
+    if path.suffix in _OURS and not is_bag(head):
         return ""
     found = [name for name, module in _importers() if module.recognises(path, head)]
     if not found:
@@ -34,6 +30,36 @@ def hint(source: object) -> str:
     name = shlex.quote(str(path))
     end = "--propose" if found[0] == "csv" else f"-o {shlex.quote(path.stem)}.h5"
     return f": try echoset convert --from {found[0]} {name} {end}"
+
+
+def is_bag(head: bytes) -> bool:
+    """Whether an MCAP file, from its first bytes, says that it is a bag of ROS 2."""
+    return head.startswith(b"\x89MCAP") and b"ros2" in head[:64]
+
+
+def listing(source: object) -> dict[str, Any] | None:
+    """What a file of others holds, from the importer that knows it and has ``listing(path)``."""
+    path = Path(str(source))
+    known = [(n, m) for n, m in _importers() if hasattr(m, "listing")]
+    if not known or not (path.is_file() or path.is_dir()):
+        return None
+    head = _head(path)
+    for _, module in known:
+        if module.recognises(path, head):
+            found: dict[str, Any] = module.listing(path)
+            return found
+    return None
+
+
+def _head(path: Path) -> bytes:
+    """The first bytes of a file; nothing of a folder, or of what cannot be read."""
+    try:
+        if not path.is_dir():
+            with path.open("rb") as file:
+                return file.read(_HEAD)
+    except OSError:
+        pass
+    return b""
 
 
 def _importers() -> list[tuple[str, Any]]:

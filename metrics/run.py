@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-from ..models.arithmetic import in_range
+from ..models.checks import in_range
 from ..models.errors import InputError
 from ..models.parameters import Layer, as_dict, resolve, sensor_model
 from ..models.records import Estimates, Objects, Recording, Scores

@@ -8,10 +8,12 @@ window. Each check looks at whole arrays at once and names the first value that 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from .columns import (
     ACTIVE,
@@ -29,10 +31,10 @@ from .columns import (
     Column,
     Leaf,
 )
-from .covariance import indefinite
+from .errors import EchosetError
 from .radar.checks import check_detections
 from .records import Array, Estimates, Meta, Model, Objects, Recording, Sensor, Stream, Truth
-from .where import Where
+from .where import Where, indefinite
 
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
 """What sensors and streams may be called: safe in paths, topics and HDF5."""
@@ -413,3 +415,25 @@ def check_truth(truth: Truth, recording: Recording, path: object = "recording") 
     networks = [s for s in recording.streams.values() if s.kind == "uwb"]
     nodes = [recording.sensors[n].kind for s in networks[:1] for n in s.nodes]
     _check_links(np.full(len(time), ACTIVE), tx, rx, nodes, at)
+
+
+_OUT_OF_RANGE = re.compile(
+    "too large|cannot convert (float|complex)|infs or NaNs|negative dimensions|scale < 0|Singular"
+    "|not positive definite|did not converge|low >= high|range exceeds valid bounds"
+)
+
+
+@contextmanager
+def in_range(kind: type[EchosetError], place: str) -> Iterator[None]:
+    """Raise a ``kind`` that names the ``place`` for errors of arithmetic, NumPy's among them.
+
+    Such errors are what Python and its libraries make of numbers that are too large or too small.
+    """
+    try:
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            yield
+    except (ArithmeticError, ValueError) as error:
+        known = ArithmeticError | LinAlgError
+        if not (isinstance(error, known) or _OUT_OF_RANGE.search(str(error))):
+            raise
+        raise kind(f"{place}: {error}") from error

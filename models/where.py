@@ -100,3 +100,18 @@ class Where:
         """Fail at the first quaternion (..., 4) that does not have norm 1."""
         norm = np.linalg.norm(values, axis=-1)
         self.none(np.abs(norm - 1) > 1e-6, norm, "is not the norm of a unit quaternion")
+
+
+ROUNDING = 1e-9
+"""How far below zero, of correlations, an eigenvalue of a covariance may be."""
+
+
+def indefinite(P: Array) -> Array:
+    """Which (...,) of the symmetric matrices P (..., dx, dx) are not positive semidefinite.
+
+    Where a variance is zero, its correlations count as if it were the least positive number.
+    """
+    std = np.sqrt(np.diagonal(P, axis1=-2, axis2=-1).clip(np.finfo(float).tiny))
+    with np.errstate(over="ignore"):
+        correlation = (P / std[..., :, None] / std[..., None, :]).clip(-1e9, 1e9)
+    return np.asarray(np.linalg.eigvalsh(correlation)[..., 0] < -ROUNDING)

@@ -11,10 +11,12 @@ from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from . import control, extended, stations, uwb
+from . import control, crowds, extended, stations, uwb
 from .pieces import Paper, complete
 
-PAPERS: dict[str, Paper] = {paper.NAME: paper for paper in (uwb, control, extended, stations)}
+PAPERS: dict[str, Paper] = {
+    paper.NAME: paper for paper in (uwb, control, extended, stations, crowds)
+}
 KEPT = Path("build/pieces")
 
 

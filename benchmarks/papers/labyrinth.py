@@ -21,7 +21,7 @@ ROOT = Path(os.environ.get("ECHOSET_DATA", Path(__file__).parents[3] / "shared" 
 DATA = ROOT / "labyrinth"
 SEEDS, FIRST, BLOCKS, RESAMPLES = 10, 4, 15, 400
 ROWS: dict[str, dict[str, Any]] = {
-    "all defaults: what ranges have too much is learnt": {},
+    "all defaults: what ranges have too much, and which are late, is learnt": {},
     "ranges taken as calibrated, `--set range_bias_std=0 --set learn=[]`": {
         "range_bias_std": 0.0,
         "learn": [],

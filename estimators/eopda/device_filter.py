@@ -18,6 +18,7 @@ from .filter import track, turn
 from .learn import learn, with_noise
 from .links import NO_LINKS, Network, link_steps, network
 from .odometry import Odometer, odometry_of
+from .resampling import systematic
 from .start import MARGIN, SPAN
 from .state import Event, Step, Target, belief
 
@@ -93,6 +94,9 @@ class DeviceFilter:
             state, _ = turn(state, np.zeros((1, 3)), NO_LINKS, params, rng)
         out = extract(state, step.time_ns, self.target, params, known)
         more = {"evidence": np.array([step.gain]), "sought_anew": np.array([float(step.anew)])}
+        if params.keep:
+            drawn = systematic(state.w, 0.5, params.keep)
+            more["device_samples"] = state.device[:, drawn].T[None]
         return replace(out, steps={**out.steps, **more})
 
 

@@ -25,10 +25,12 @@ from .state import Event, Target, belief
 
 PARTICLES = 1000
 """Particles while learning."""
-MOST = 1000
-"""Events that are learnt from; of more, so many are drawn."""
+MOST = 3000
+"""Active links that are learnt from; of more, the events of so many are drawn."""
 GAIN = 5.0
 """Nats that a change must gain; with these particles they are known to two or three."""
+HOPELESS = 50.0
+"""Nats behind the best so far at which a trial is given up."""
 SURE = 20.0
 """Nats by which an offset or a scale must be better for the other to be left out."""
 FINER = (1.4, 1.15)
@@ -65,20 +67,32 @@ class _Search:
     seed: int
     best: Params
     tried: dict[Params, float] = field(default_factory=dict)
+    curves: dict[Params, list[float]] = field(default_factory=dict)
 
     def evidence(self, params: Params) -> float:
-        """Log-likelihood [nats] of all events; minus infinity where the filter diverges."""
+        """Log-likelihood [nats] of all events.
+
+        It is minus infinity where the filter diverges, or falls far behind the best so far on the
+        way, so that what is hopeless costs little.
+        """
         if params not in self.tried:
             rng = np.random.default_rng(self.seed)
             few = replace(params, particles=min(PARTICLES, params.particles))
             first = belief(self.net, few)
             factor = few.sigma_factor / self.net.sigma_factor
             events = (with_noise(event, factor) for event in self.events)
+            ahead, curve, total = self.curves.get(self.best, []), [], 0.0
             try:
                 steps = track(events, self.target, few, first, rng, self.net.name)
-                self.tried[params] = sum(step.evidence for step in steps)
+                for k, step in enumerate(steps):
+                    total += step.evidence
+                    curve.append(total)
+                    if k < len(ahead) and total < ahead[k] - HOPELESS:
+                        total = -np.inf
+                        break
             except EstimatorError:
-                self.tried[params] = -np.inf
+                total = -np.inf
+            self.tried[params], self.curves[params] = total, curve
         return self.tried[params]
 
     def offer(self, **changes: Any) -> bool:
@@ -121,9 +135,12 @@ def learn(
     """Parameters that fit the events best, and what was learnt with its gain in nats."""
     wanted = LEARNABLE if "all" in params.learn else params.learn
     seed = int(rng.integers(2**63))
-    if len(events) > MOST:
-        events = [events[k] for k in np.sort(rng.choice(len(events), MOST, replace=False))]
+    share = MOST / max(sum(len(event.active.tx) for event in events), 1)
+    if share < 1:
+        drawn = rng.choice(len(events), max(int(share * len(events)), 1), replace=False)
+        events = [events[k] for k in np.sort(drawn)]
     search = _Search(net, events, target, params, seed, params)
+    at_first = search.evidence(params)
     if "bias" in wanted:
         spread = NARROW * params.range_bias_spread
         search.best = replace(params, range_bias_spread=spread, range_bias_walk=0.0)
@@ -131,10 +148,10 @@ def learn(
         search.settle(COARSE, "sigma_factor")
         _explain(search, wanted)
     for finer in FINER:
-        before = search.best
+        before, is_first = search.best, finer == FINER[0]
         if "sigma" in wanted:
             search.climb(finer, "sigma_factor", most=20)
-        if "rates" in wanted:
+        if "rates" in wanted and (is_first or params.has_object):
             search.climb(2.0, "mean_clutter")
             if params.scatter > 0:
                 # fewer scattered ranges pay only where they are much fewer
@@ -146,9 +163,9 @@ def learn(
                 if target.extent:
                     search.settle(SLOWER, "axes_std", "width_std")
             search.climb(1.6, "acceleration_std", most=FARTHEST)
-        if "rates" in wanted:
+        if "rates" in wanted and is_first:
             _late(search)
-        if "bias" in wanted and search.best.range_bias_std > 0:
+        if "bias" in wanted and is_first and search.best.range_bias_std > 0:
             for wider in WIDER:
                 search.offer(range_bias_spread=wider * params.range_bias_spread)
             for walk in WALKS:
@@ -156,13 +173,13 @@ def learn(
         _explain(search, wanted)
         if search.best == before:
             break
-    best = search.best
+    best = max(search.best, params, key=search.evidence)
     found = {
         name: _short(getattr(best, name))
         for name in type(params).__dataclass_fields__
         if getattr(best, name) != getattr(params, name)
     }
-    gain = search.evidence(best) - search.evidence(params)
+    gain = search.evidence(best) - at_first
     return best, {**found, "learning_gain": round(float(gain), 1)}
 
 
@@ -215,6 +232,8 @@ def _explain(search: _Search, wanted: Sequence[str]) -> None:
     models = [model for model in ({}, offset, scale, height) if model.keys() <= off.keys()]
     if off:
         worths = [worth(model) for model in models]
+        if max(worths) == -np.inf:
+            return
         chosen: Mapping[str, Any] = models[int(np.argmax(worths))]
         if "range_error" in off and chosen in (offset, scale):
             of_offset, of_scale = (worths[models.index(model)] for model in (offset, scale))

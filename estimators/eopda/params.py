@@ -112,6 +112,12 @@ class Params(Ranges):
     )
     bias_distance_std: float = parameter(0.1, "m", "random walk of b_rho", within="[0, inf)")
     bias_angle_std: float = parameter(0.5, "rad", "random walk of b_phi", within="[0, inf)")
+    keep: int = parameter(
+        0,
+        "1",
+        "device positions kept per step, drawn by weight: an ambiguity is several clouds",
+        within="[0, inf)",
+    )
     learn: tuple[str, ...] = parameter(
         (),
         "",

@@ -18,7 +18,7 @@ process and jump Markov chain Monte Carlo sampling, sections 3 and 4.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from logging import getLogger
 from typing import Any
 
@@ -31,7 +31,7 @@ from ..presets import Presets
 from . import dbscan
 from .chain import Result, sample
 from .kernels.chains import effective_sample_size
-from .kernels.posterior import Scene, feasible
+from .kernels.posterior import Scene, columns, feasible
 from .output import Labels, objects
 from .params import ChainParams, SceneParams
 from .scene import epochs, grid, scene
@@ -82,13 +82,16 @@ def estimate(
         mean, P = spread(result.samples)
         start, intensity = (mean[:, :3], mean[:, 3:]), result.intensity
         label = labels.of(mean[:, :3], max(params.hard_core_radius, 1.0) / 2)
-        steps = diagnostics(result)
+        steps = diagnostics(result) | {"cut": np.zeros(1)}
         places = params.places(len(sight.weight))
         if max(r.count.max(initial=0) for r in (result.burn_in, result.explored)) >= places:
             if not cut:
                 _log.warning("all %d places were taken: there may be more, see max_targets", places)
-            cut = True
-            steps["cardinality_variance"] = np.maximum(steps["cardinality_variance"], 1.0)
+            cut, lost = True, left_out(sight, result, params)
+            steps["cut"] = np.array([lost])
+            # Of those without a place no more is known than how many to expect.
+            for name in ("cardinality_mean", "cardinality_variance"):
+                steps[name] = steps[name] + lost
         if params.keep:
             n, L, _ = result.samples.shape
             if (places := params.max_targets or KEPT) < L:
@@ -114,6 +117,23 @@ def clusters(sight: Scene, params: Params) -> tuple[Array, Array]:
         if (np.linalg.norm(apart[:, :3] - target[:3], axis=1) >= sight.radius).all():
             apart = np.vstack([apart, target])
     return apart[:, :3], apart[:, 3:]
+
+
+def left_out(sight: Scene, result: Result, params: Params) -> float:
+    """How many targets there were no places for: clusters of what none of the others explains."""
+    targets = result.last[0]
+    shot = columns(sight, *result.last)[1].sum(0)
+    rest = among(sight, shot < result.intensity[1])
+    found, _ = clusters(rest, replace(params, max_targets=0))
+    gap = np.linalg.norm(found[:, None] - targets, axis=-1).min(1, initial=np.inf)
+    return float((gap >= sight.radius).sum())
+
+
+def among(sight: Scene, chosen: Array) -> Scene:
+    """The scene with those of its detections that are ``chosen`` (M,)."""
+    count = np.concatenate([[0], np.cumsum(chosen)])[sight.offset].astype(np.int64)
+    z = np.ascontiguousarray(sight.z[:, chosen])
+    return sight._replace(z=z, offset=count, weight=sight.weight[chosen])
 
 
 def scenes(setup: Recording, scans: Iterable[Scan], params: Params) -> Iterator[tuple[int, Scene]]:

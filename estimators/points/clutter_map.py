@@ -26,7 +26,7 @@ def everywhere(position: Array) -> Array:
     return np.ones(len(position), bool)
 
 
-NEGLIGIBLE = 0.02
+FADED = 0.02
 """Faded detections below which a cell is forgotten, so that memory has a bound."""
 LEAST_LOOKS = 10
 """Looks that a memory has at least: a pause between two counts for no more than its share."""
@@ -78,7 +78,7 @@ class ClutterMap:
         count = np.where(seen, fade * count + added, count)
         looks = np.where(seen, fade * looks + 1, looks)
         last = np.where(seen, time_ns, before)
-        kept = count >= NEGLIGIBLE
+        kept = count >= FADED
         return ClutterMap(cells[kept], count[kept], looks[kept], last[kept], time_ns)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 Cut = Mapping[str, float]
 """Expected targets (for ``max_detections``: detections) that each limit cut off at a time."""
-LEAST = 0.05
+WORTH_SAYING = 0.05
 """Expected targets whose loss is worth a word; what is not kept in a file always is."""
 WHAT = {"max_detections": "of them", "pairs": "pairs with targets"}
 """What a limit cuts off that is no expected target."""
@@ -23,7 +23,7 @@ class Told:
     def warn(self, cut: Cut, time_ns: int, detections: int) -> None:
         """Warn of each limit the first time that it cuts more than next to nothing."""
         for name, mass in cut.items():
-            least = 1e-3 if name == "keep_components" else LEAST
+            least = 1e-3 if name == "keep_components" else WORTH_SAYING
             if mass > least and name not in self._names:
                 self._names.add(name)
                 what = WHAT.get(name, "expected targets")

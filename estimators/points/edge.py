@@ -11,6 +11,7 @@ from ...models.radar.detection import View, polar
 from ...models.records import Array
 from ...models.regions import mass
 from .kernels import pieces
+from .kernels.bernoulli import TINY
 from .sensing import Look
 
 REACH = 5.0
@@ -140,7 +141,7 @@ def _pushed_out(
 
     With a border that is straight over a deviation, distance and deviation share what is needed.
     """
-    u = across / np.maximum(np.hypot(*across.T), 1e-300)[:, None]
+    u = across / np.maximum(np.hypot(*across.T), TINY)[:, None]
     std, now = (np.sqrt(np.einsum("ja,jab,jb->j", u, A[:, :2, :2], u)) for A in (P, spread))
     border = np.einsum("ja,ja->j", u, m[:, :2]) - ndtri(before) * std
     gap = border - np.einsum("ja,ja->j", u, mean[:, :2])
@@ -149,8 +150,8 @@ def _pushed_out(
     f = np.ones(len(m))
     f[short] = np.sqrt(wanted[short] * now[short] / gap[short])
     # Along the regression of the state on the distance from the border.
-    d = (spread[:, :, :2] @ u[..., None])[..., 0] / np.maximum(now, 1e-300)[:, None]
-    shift = np.where(short, (1 - f) * gap, 0.0) / np.maximum(now, 1e-300)
+    d = (spread[:, :, :2] @ u[..., None])[..., 0] / np.maximum(now, TINY)[:, None]
+    shift = np.where(short, (1 - f) * gap, 0.0) / np.maximum(now, TINY)
     return mean + shift[:, None] * d, spread - (1 - f[:, None, None] ** -2) * d[:, :, None] * d[
         :, None, :
     ]

@@ -135,7 +135,8 @@ def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimate
 
     def forward() -> Iterator[tuple[Estimates, Epoch]]:
         for state, epoch in through(context, scans, init(), step):
-            moved.update(_moved(state.mixture, set(), params))
+            if params.min_travel:
+                moved.update(_moved(state.mixture, set(), params))
             classes.update(state.memory.classes)
             x, none = state.mixture, np.zeros(0, np.int64)
             nobody = _listed(epoch.time_ns, none, x.local.r[none], x.local.m[none], x.local.P[none])
@@ -143,7 +144,9 @@ def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimate
 
     def backward(later: Paths | None, epoch: Epoch) -> tuple[Paths, Objects]:
         x = back(later, epoch, params.retrodict)
-        shown = np.isin(x.label, list(moved)) & (x.r >= params.extract_smoothed)
+        shown = x.r >= params.extract_smoothed
+        if params.min_travel:
+            shown &= np.isin(x.label, list(moved))
         found = _listed(epoch.time_ns, x.label[shown], x.r[shown], x.m[shown], x.P[shown])
         return x, context.source.named(found, classes)
 

@@ -195,6 +195,8 @@ def update(
 ) -> tuple[State, Array]:
     """The state given a scan, and how probably (n,) no known target made the detections.
 
+    Equations (1) to (5) of ``docs/systems/filters.md``, whose table of symbols has these letters.
+
     ``own`` holds for the sensor, and ``even`` (n,) is the density at the detections of undetected
     targets that may be anywhere.
 
@@ -218,6 +220,7 @@ def update(
         params.max_hypotheses,
         -np.log(params.min_weight),
     )
+    # (1), and (2) for who is detected.
     local = missed(replace(a, m=m_missed, P=P_missed), p).take(found.prior)
     hit = np.flatnonzero(found.detection >= 0)
     i, l = found.detection[hit], found.prior[hit]
@@ -233,7 +236,7 @@ def update(
         state.mixture, local=local, start=start, w=found.w, table=found.table, parent=parent
     )
     state = replace(state, mixture=mixture, undetected=undetected)
-    r = new / free
+    r = new / free  # (3)
     some = np.flatnonzero(r > params.min_existence)
     state = _begin(state, begun(r[some], m_new[some], P_new[some]), found.free[:, some])
     return state, found.w @ found.free

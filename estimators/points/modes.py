@@ -34,7 +34,7 @@ class ModeParams:
         within=("cv", "imm"),
     )
     manoeuvres: tuple[tuple[float, ...], ...] = parameter(
-        ((0.1, 0.25), (-0.1, 0.25)),
+        ((0.15, 0.1), (-0.15, 0.1), (0.0, 10.0)),
         "rad s-1, m2 s-3",
         "of imm: turn rate and density of white acceleration of each",
     )

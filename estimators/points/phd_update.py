@@ -17,11 +17,10 @@ import numpy as np
 from ...models.records import Array
 from .edge import Border, detection_probability
 from .kernels.association import marginals
+from .kernels.bernoulli import TINY
 from .phd_filter import Mixture, Params
 from .sensing import Look, SensorParams, innovations, log_likelihood, updated
 
-TINY = 1e-300
-"""Least density that a weight is divided by."""
 SURE = 1e-12
 """Least probability that a target is missed."""
 NEGLIGIBLE = 1e-9

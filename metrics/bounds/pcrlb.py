@@ -5,7 +5,10 @@ A link's measurements are a Poisson process of clutter, line of sight and scatte
 its known noise ``sigma_d = c / (sqrt(8) pi beta_bw u)`` with u inversely proportional to the length
 of the path. Transitions and prior are those of the filter
 (:mod:`echoset.models.motion`); signal-to-noise ratio, bandwidth, depth of the sector and heights
-are those of the recording. ``pcrlb`` counts the links that
+are those of the recording, and so is whether ranges have an unknown offset: then the state has one
+more variable for each anchor, with the filter's prior and walk. Where the truth has no extent and
+no link is passive, the bound is that of a device alone (:mod:`.alone`), from ranges and
+differences. ``pcrlb`` counts the links that
 delivered an event, ``pcrlb-star`` (:mod:`.pcrlb_star`) the blocked ones as well.
 
 The bound belongs to no estimator: that column is empty. ``<name>-valid`` is 1 while the standard
@@ -19,8 +22,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.linalg import block_diag
 
-from ...models.columns import ACTIVE
+from ...models.columns import ACTIVE, PASSIVE, TDOA
 from ...models.errors import InputError
 from ...models.motion import constant_velocity, motion_noise, walk_std
 from ...models.parameters import parameter, require
@@ -29,7 +33,7 @@ from ...models.records import Array, Estimates, Recording, Scores, Stream
 from ...models.uwb import Region, free_space_amplitude, range_std
 from ..kit.alignment import ScoredObject, interpolate, seconds
 from ..kit.table import rows
-from . import paths
+from . import alone, paths
 from .information import covariance_bounds, information
 
 Point = tuple[float, float, float]
@@ -62,12 +66,30 @@ class Params(ScoredObject):
     rms_bandwidth: float = parameter(
         500e6 / 12**0.5, "Hz", "root mean square bandwidth", within="(0, inf)"
     )
+    sigma: float | None = parameter(
+        None, "m", "noise of ranges without a standard deviation of their own", within="(0, inf)"
+    )
+    tdoa_correlation: float = parameter(
+        0.5, "1", "correlation of differences to one anchor", within="[0, 1)"
+    )
     snr_db: float = parameter(30.0, "dB", "signal-to-noise ratio of a path of one metre")
     opening_angle: float = parameter(
         2 * np.pi / 3, "rad", "opening angle of the sector", within="(0, 6.283185307179587]"
     )
     width: float = parameter(0.1, "m", "true depth of the scattering sector", within="(0, inf)")
     device_height: float = parameter(0.0, "m", "height of the device and its object")
+    range_bias_std: float = parameter(
+        0.0,
+        "m",
+        "standard deviation of what every range has too much; 0: nothing is",
+        within="[0, inf)",
+    )
+    range_bias_spread: float = parameter(
+        0.1, "m", "standard deviation of an anchor's own part of it", within="[0, inf)"
+    )
+    range_bias_walk: float = parameter(
+        0.02, "m s-1/2", "random walk of an anchor's own part", within="[0, inf)"
+    )
     acceleration_std: float = parameter(2.0, "m s-2", "white acceleration", within="(0, inf)")
     bias_distance_std: float = parameter(
         0.1, "m", "random walk of b_rho per 0.1 s", within="(0, inf)"
@@ -110,6 +132,11 @@ def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
 def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Scores:
     """The scores called ``name`` of the links with events, and of the ``blocked`` ones if asked."""
     stream = _stream(recording)
+    has_body = recording.truth is None or recording.truth.objects.semi_axes is not None
+    if not has_body and PASSIVE not in stream.scan["mode"]:
+        return _alone(recording, stream, params, name)
+    if TDOA in stream.scan["mode"]:
+        raise InputError(f"{recording.meta.name}: the bound of a body is not for differences")
     time_ns, tx, rx = _links(stream, recording, blocked)
     steps, step = np.unique(time_ns, return_inverse=True)
     states = true_states(recording, steps, params)
@@ -122,14 +149,21 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
         x, y, z = pose_at(recording.sensors[anchors[node]], int(steps[time]))[0].tolist()
         return x, y, z
 
-    J_z = np.zeros((len(steps), len(paths.STATE), len(paths.STATE)))
+    size, offset = len(paths.STATE), {node: n for n, node in enumerate(anchors)}
+    size += len(anchors) if params.range_bias_std > 0 else 0
+    J_z = np.zeros((len(steps), size, size))
     for k, i, j in zip(step.tolist(), tx.tolist(), rx.tolist(), strict=True):
         rx_place = place(j, k)
         assert rx_place is not None
-        J_z[k] += link_information(tuple(states[k].tolist()), place(i, k), rx_place, params)
-    F, Q = transitions(np.diff(seconds(steps), prepend=seconds(steps[:1])), params)
+        J = link_information(tuple(states[k].tolist()), place(i, k), rx_place, params)
+        seen = [*range(len(paths.STATE)), len(paths.STATE) + offset[j]][: len(J)]
+        J_z[k][np.ix_(seen, seen)] += J
+    dt = np.diff(seconds(steps), prepend=seconds(steps[:1]))
     first = np.array([place(node, 0) for node in anchors], float)
-    P = covariance_bounds(prior(first, params), F, Q, J_z)
+    model = prior(first, params), *transitions(dt, params)
+    if params.range_bias_std > 0:
+        model = with_offsets(*model, dt, len(anchors), params)
+    P = covariance_bounds(*model, J_z)
     inside = params.contains(steps)
     if not inside.any():
         raise InputError(f"{recording.meta.name}: no event is within the time to be scored")
@@ -138,6 +172,7 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
         "device": np.stack([paths.device(y)[1] for y in states]),
         "centre": np.eye(2, len(paths.STATE)),
     }
+    P = P[:, : len(paths.STATE), : len(paths.STATE)]
     for part, g in G.items():
         bound = np.sqrt(np.trace(g @ P @ np.swapaxes(g, -1, -2), axis1=1, axis2=2))[inside]
         key = recording.meta.name, "", name, part
@@ -149,6 +184,27 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
     key = recording.meta.name, "", f"{name}-valid", "device"
     tables += [rows(key, time, valid), rows(key, np.nan, valid.mean(), len(valid))]
     return Scores.join(tables)
+
+
+def _alone(recording: Recording, stream: Stream, params: Params, name: str) -> Scores:
+    """The bound of a device without a body."""
+    steps = np.unique(stream.time_ns)
+    if len(np.unique(stream.scan["tx"][stream.scan["mode"] != PASSIVE])) > 1:
+        raise InputError(f"{recording.meta.name}: the bound is for one device, there are several")
+    truth, known = interpolate(recording, steps, params)
+    steps = steps[known]
+    try:
+        p = truth.columns("device_x", "device_y")
+    except KeyError as error:
+        raise InputError(f"{recording.meta.name}: truth: {error.args[0]}") from None
+    inside = params.contains(steps)
+    if not inside.any():
+        raise InputError(f"{recording.meta.name}: no event is within the time to be scored")
+    P = alone.bound(recording, stream, steps, p, params)
+    value = np.sqrt(np.trace(P[:, :2, :2], axis1=1, axis2=2))[inside]
+    key = recording.meta.name, "", name, "device"
+    whole = rows(key, np.nan, np.sqrt(np.mean(value**2)), len(value))
+    return Scores.join([rows(key, seconds(steps)[inside], value), whole])
 
 
 def _stream(recording: Recording) -> Stream:
@@ -202,7 +258,10 @@ def true_states(recording: Recording, time_ns: Array, params: Params) -> Array:
 def link_information(
     state: tuple[float, ...], tx: Point | None, rx: Point, params: Params
 ) -> Array:
-    """Fisher information (9, 9) of the link from ``tx`` (None: the device) to ``rx``."""
+    """Fisher information of the link from ``tx`` (None: the device) to ``rx``.
+
+    It is (9, 9), or (10, 10) with the offset of the ranges at ``rx``, where that is unknown.
+    """
     y, anchor = np.array(state), np.array(rx)
     sender = None if tx is None else np.array(tx)
     height = params.device_height
@@ -212,6 +271,8 @@ def link_information(
         los, los_y = paths.direct(y, anchor, height)
         length, gradient = np.concatenate([los, length]), np.concatenate([los_y, gradient])
         weight = np.concatenate([[params.mean_los], weight])
+    if params.range_bias_std > 0:
+        gradient = np.column_stack((gradient, np.ones(len(gradient))))
     std = range_std(free_space_amplitude(length, params.snr_db), params.rms_bandwidth)
     return information(length, std, weight, gradient, params.mean_clutter / params.max_range)
 
@@ -248,3 +309,17 @@ def transitions(dt: Array, params: Params) -> tuple[Array, Array]:
         Q[n, :4, :4] = motion_noise(params.acceleration_std, step)
         Q[n, range(4, 9), range(4, 9)] = np.square(walk_std(walks, step))
     return F, Q
+
+
+def with_offsets(
+    P0: Array, F: Array, Q: Array, dt: Array, anchors: int, params: Params
+) -> tuple[Array, Array, Array]:
+    """Prior, F and Q with an offset of the ranges for each of so many ``anchors`` behind."""
+    eye = np.eye(anchors)
+    own = params.range_bias_std**2 + params.range_bias_spread**2 * eye
+    walks = params.range_bias_walk**2 * dt[:, None, None] * eye
+    return (
+        block_diag(P0, own),
+        np.stack([block_diag(f, eye) for f in F]),
+        np.stack([block_diag(q, walk) for q, walk in zip(Q, walks, strict=True)]),
+    )

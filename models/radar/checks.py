@@ -11,9 +11,8 @@ from math import pi
 
 import numpy as np
 
-from ..covariance import indefinite
 from ..records import Array, Stream
-from ..where import Where
+from ..where import Where, indefinite
 
 PLANE = ("cov_xx", "cov_xy", "cov_yy")
 SPACE = (*PLANE, "cov_xz", "cov_yz", "cov_zz")

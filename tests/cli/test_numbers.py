@@ -12,8 +12,15 @@ from echoset.cli.main import main
 from echoset.models import registry
 
 FEW = {"uwb-olos": "steps=5", "uwb-los": "steps=5", "jsc-6bs": "scans=2", "many": "steps=5"}
-FEW |= {"crossing": "steps=5", "meeting": "steps=5", "surveillance": "steps=3"}
+FEW |= {
+    "crowd": "steps=5",
+    "rendezvous": "steps=5",
+    "crossing": "steps=5",
+    "meeting": "steps=5",
+    "surveillance": "steps=3",
+}
 SCENES = {"eopda": "uwb-los", "phd": "crossing", "mbm": "crossing", "ap-pda": "uwb-los"}
+SCENES |= {"position": "uwb-los", "range-ls": "uwb-los", "pmb": "crossing", "tbd": "jsc-6bs"}
 VALUES = (
     *("0", "-1", "1", "2", "0.5", "3.7", "-0.0", "1e-300", "1e-5", "1e9", "1e18", "1e30", "1e200"),
     *("1e308", "-1e308", "9223372036854775808", "1" * 400, ".inf", "-.inf", ".nan", "", "x"),

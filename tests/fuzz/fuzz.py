@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import os
 import resource
 import select
@@ -156,7 +157,8 @@ def _worker(loop: Loop, start: int, stop: int, tally: Tally, longest: float) -> 
 
 
 def _limit() -> None:
-    """Room for as much as is in use and :data:`MEMORY` more."""
+    """Room for as much as is in use and :data:`MEMORY` more; and no word of what is read."""
+    logging.disable()
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MEMORY,) * 2)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

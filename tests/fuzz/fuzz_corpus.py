@@ -101,7 +101,7 @@ def labyrinth() -> tuple[Files, ...]:
     for k in range(4):
         t, x, y = 0.1 * k, 1.0 + 0.2 * k, 2.0
         points.append(f"point2 {t:.6f} {x} {y} 0.01 0 0 0.01")
-        log.append(f"odom2diff {t:.6f} 0.5 0.5 0.2 0.01 0.01 0.02")
+        log.append(f"odom2diff {t:.6f} 0.5 0.5 0.0 0.2 0.01 0.01 0.02")
         for name, (ax, ay) in anchors.items():
             r = np.hypot(x - ax, y - ay) + 0.05 * rng.standard_normal()
             log.append(f"range2 {t:.6f} {r:.6f} 0.01 {ax} {ay} {name} 0")

@@ -129,20 +129,22 @@ def _text(data: bytes) -> str | None:
         return None
 
 
+_FIELDS = {"range2": (6, 7), "point2": (7,), "odom2diff": (8,), "odom2": (7,), "angle": (3,)}
+"""How many fields stand behind the keywords of libRSF."""
+
+
 def _labyrinth_broken(name: str, files: Files) -> bool:
     text = _text(files[name])
     if text is None:
         return True
     for line in re.split("\r\n|\r|\n", text):
         word, *fields = line.split() or [""]
-        if word not in ("", "range2", "point2", "odom2diff"):
-            return True
-        if word in ("range2", "point2") and len(fields) != 7:
+        if word and len(fields) not in _FIELDS.get(word, ()):
             return True
         checked = fields[:5] if word == "range2" else fields
         if not all(map(_is_number, checked)):
             return True
-        if word == "range2" and (float(fields[1]) < 0 or float(fields[2]) <= 0):
+        if word == "range2" and float(fields[1]) >= 0 >= float(fields[2]):
             return True
         if word and abs(float(fields[0] if fields else 0)) > 9.3e9:
             return True

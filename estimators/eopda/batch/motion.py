@@ -41,7 +41,7 @@ class Layout:
         """The layout for these data."""
         size, found = 4, {}
         wanted = {
-            "heading": bool(data.increments),
+            "heading": bool(data.increments) or bool(data.offset.any()),
             "height": not height_known,
             "scale": params.range_scale_std > 0,
         }

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ....models.parameters import parameter
 from .. import params as device_params
+from .body import offsets
 
 LEARNABLE = ("sigma", "acceleration", "bias", "height", "scale")
 """What can be learnt from the recording."""
@@ -18,11 +19,22 @@ class Params(device_params.Ranges):
     TITLE = "measured ranges"
     STREAMS = ("uwb",)
     device: str | None = parameter(None, "", "device to track, where the recording has several")
+    tags: str = parameter(
+        "",
+        "m",
+        "tags on one body, each with its place x ahead and y to the left: T0 0.1 0; T1 -0.1 0",
+    )
     sigma: float | None = parameter(
         0.1,
         "m",
         "standard deviation of ranges that come with neither amplitude nor std",
         within="(0, inf)",
+    )
+    noise_time: float = parameter(
+        0.5,
+        "s",
+        "how long the error of a range stays: those of a link that come faster count for less",
+        within="[0, inf)",
     )
     mean_clutter: float = parameter(
         0.1, "1", "mean number of false ranges per link event", within="[0, inf)"
@@ -54,3 +66,6 @@ class Params(device_params.Ranges):
     learn_span: float = parameter(
         60.0, "s", "how much of the recording is learnt from", within="(0, inf)"
     )
+
+    def __post_init__(self) -> None:
+        offsets(self.tags)

@@ -34,6 +34,8 @@ DONE = 1e-4
 """A step that gains less [nats], per square root of the number of times, is the last."""
 MOST_DAMPING = 1e6
 """Damping with which no step is taken, in units of what ranges tell on average."""
+BLOCK = 2000
+"""Times whose ranges are taken together."""
 SMALL = 1e-4
 """Step of a residual by which the loss is differentiated."""
 
@@ -57,14 +59,22 @@ class Problem:
         D, L = self.data, self.layout
         own, m = x[D.step], np.arange(len(D.step))
         h = own[:, L.height] if L.height >= 0 else np.full(len(m), self.height)
-        d, u = _distances(own[:, :2], h, D.place)
+        p, turned = own[:, :2], np.zeros((len(m), 2))
+        if L.heading >= 0:
+            c, s = np.cos(own[:, L.heading]), np.sin(own[:, L.heading])
+            x_, y_ = D.offset.T
+            arm = np.stack((c * x_ - s * y_, s * x_ + c * y_), 1)
+            p, turned = p + arm, np.stack((-arm[:, 1], arm[:, 0]), 1)
+        d, u = _distances(p, h, D.place)
         k = np.flatnonzero(D.reference >= 0)
-        off, v = _distances(own[k, :2], h[k], D.other[k])
+        off, v = _distances(p[k], h[k], D.other[k])
         d[k], u[k] = d[k] - off, u[k] - v
         longer = 1.0 + own[:, L.scale] if L.scale >= 0 else np.ones(len(d))
         H = np.zeros((len(d), L.size))
         H[:, :2] = longer[:, None] * u[:, :2]
         z = longer * d
+        if L.heading >= 0:
+            H[:, L.heading] = (H[:, :2] * turned).sum(1)
         if L.height >= 0:
             H[:, L.height] = longer * u[:, 2]
         if L.scale >= 0:
@@ -123,9 +133,12 @@ class Problem:
     def _add(self, chain: Chain, H: Array, information: Array) -> None:
         """Add the information (M,) of ranges to the diagonal of a chain."""
         first, at = self._groups()
-        if len(first):
-            both = (H * information[:, None])[:, :, None] * H[:, None, :]
-            chain.D[at] += np.add.reduceat(both, first)
+        ends = np.append(first, len(H))
+        for start in range(0, len(first), BLOCK):
+            own = slice(ends[start], ends[min(start + BLOCK, len(first))])
+            both = (H[own] * information[own, None])[:, :, None] * H[own, None, :]
+            here = first[start : start + BLOCK]
+            chain.D[at[start : start + BLOCK]] += np.add.reduceat(both, here - own.start)
 
     def minimise(self, x: Array, widen: float = 1.0, most: int = STEPS) -> tuple[Array, float]:
         """A local minimum by damped Gauss-Newton steps from ``x`` (n, d), and its cost."""

@@ -20,6 +20,7 @@ from ..links import Network, network
 from ..odometry import odometry_of
 from ..start import MARGIN
 from ..state import Height, first_height
+from .body import offsets
 from .choose import Explanation, choose, explanations
 from .fixes import fixes
 from .gather import Data, gather
@@ -50,16 +51,11 @@ def estimate(
     InputError : there is no direct range
     EstimatorError : no trajectory of least cost is found
     """
-    net = network(
-        setup,
-        params.device,
-        params.rms_bandwidth,
-        params.amplitude_threshold,
-        params.sigma,
-        params.sigma_factor,
-        params.range_bias,
-    )
-    data = gather(net, scans, odometry_of(setup, params.device), params)
+    body = offsets(params.tags)
+    nets = [(_network(setup, tag, params), place) for tag, place in body.items()]
+    nets = nets or [(_network(setup, params.device, params), np.zeros(2))]
+    net = nets[0][0]
+    data = gather(nets, scans, odometry_of(setup, params.device), params)
     if not len(data.time_ns):
         return
     if not len(data.z):
@@ -98,6 +94,18 @@ def _weights(solutions: list[Solution]) -> Array:
     worth = np.array([one.problem.evidence(one.x, one.cost) for one in solutions])
     w = np.exp(worth - worth.max())
     return np.asarray(w / w.sum())
+
+
+def _network(setup: Recording, device: str | None, params: Params) -> Network:
+    return network(
+        setup,
+        device,
+        params.rms_bandwidth,
+        params.amplitude_threshold,
+        params.sigma,
+        params.sigma_factor,
+        params.range_bias,
+    )
 
 
 def solve(net: Network, data: Data, params: Params, near: Solution | None = None) -> Solution:

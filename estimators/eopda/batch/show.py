@@ -64,8 +64,10 @@ def _rows(best: Solution) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
         mean = np.zeros(L.size)
         mean[L.biases] = 1 / best.problem.data.anchors
         names, units, rows = [*names, "range_bias"], [*units, "m"], [*rows, mean]
-    names, units = [*names, "device_x", "device_y"], [*units, "m", "m"]
-    return tuple(names), tuple(units), np.array([*rows, rows[0], rows[1]])
+    if not best.problem.data.offset.any():
+        names, units = [*names, "device_x", "device_y"], [*units, "m", "m"]
+        rows += rows[:2]
+    return tuple(names), tuple(units), np.array(rows)
 
 
 def _regular(P: Array) -> Array:

@@ -94,6 +94,8 @@ def starts(problem: Problem, path: Fixes) -> list[Array]:
         x[:, j] = np.interp(time, path.seconds, path.p[:, j])
     if L.heading < 0:
         return [x]
+    if not D.increments:
+        return [_headed(x, L.heading, heading) for heading in _tagged(D, path, time)]
     turned = np.cumsum([one.turn for one in D.increments])
     before = turned - np.array([one.turn for one in D.increments])
     way = np.cumsum(
@@ -108,6 +110,35 @@ def starts(problem: Problem, path: Fixes) -> list[Array]:
         return found
     angles = np.arange(HEADINGS) * 2 * np.pi / HEADINGS
     return found + [_headed(x, L.heading, turned + angle) for angle in angles]
+
+
+def _tagged(data: Data, path: Fixes, time: Array) -> list[Array]:
+    """Headings (n,) of a body that fit the places of its tags about the path, and others."""
+    p = np.stack([np.interp(time, path.seconds, path.p[:, j]) for j in (0, 1)], 1)[data.step]
+    away = p - data.place[:, :2]
+    u = away / np.maximum(np.linalg.norm(away, axis=1), 1e-6)[:, None]
+    # z = d + u . R o: linear in cosine and sine of the heading, and in what is common to all tags
+    o = data.offset - data.offset.mean(0)
+    G = np.stack(((u * o).sum(1), u[:, 1] * o[:, 0] - u[:, 0] * o[:, 1]), 1)
+    r = data.z - np.linalg.norm(away, axis=1)
+    key = data.step * data.anchors + data.anchor
+    first = np.flatnonzero(np.diff(np.sort(key), prepend=-1))
+    order = np.argsort(key, kind="stable")
+    count = np.diff(np.append(first, len(key)))
+    for values in (r, *G.T):
+        values[order] -= np.repeat(np.add.reduceat(values[order], first) / count, count)
+    n = len(time)
+    A, b = np.zeros((n, 2, 2)), np.zeros((n, 2))
+    np.add.at(A, data.step, G[:, :, None] * G[:, None])
+    np.add.at(b, data.step, G * r[:, None])
+    A, b = (np.cumsum(c, 0) for c in (A, b))
+    last = np.minimum(np.arange(n) + ALONG // 4, n - 1)
+    before = np.maximum(np.arange(n) - ALONG // 4, 0)
+    vector = np.linalg.solve(
+        A[last] - A[before] + 1e-6 * np.eye(2), (b[last] - b[before])[..., None]
+    )
+    heading = np.unwrap(np.arctan2(vector[:, 1, 0], vector[:, 0, 0]))
+    return [heading, np.zeros(n), np.full(n, np.pi)]
 
 
 def _headed(x: Array, column: int, heading: Array) -> Array:

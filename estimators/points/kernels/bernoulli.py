@@ -126,6 +126,8 @@ def associate(
 ) -> Association:
     """The ``k`` best joint associations of tracks to detections, over all global hypotheses.
 
+    Their weights are (4) of ``docs/systems/filters.md``, and pairs cost (5).
+
     Parameters
     ----------
     log_hit : (L, M) log of the probability that the Bernoulli's object, if it is there, is detected
@@ -140,13 +142,15 @@ def associate(
     """
     r, table = mixture.local.r, mixture.table
     M = log_hit.shape[1]
-    near = log_hit > -np.inf
+    miss = np.log(np.maximum(1 - r * p_detect, TINY))
+    there = np.log(np.maximum(r, TINY))
+    gain = (there - miss)[:, None] + log_hit - log_free
+    # Who gains less by a pair is farther than ``gap`` behind the same hypothesis without it.
+    near = gain > -gap
     seen = np.flatnonzero(near.any(axis=0))
     active = np.flatnonzero(np.append(near.any(axis=1), False)[table].any(axis=0))
     n, T = len(seen), len(active)
-    miss = np.log(np.maximum(1 - r * p_detect, TINY))
-    there = np.log(np.maximum(r, TINY))
-    gain = (there - miss)[:, None] + log_hit[:, seen] - log_free[seen]
+    gain = np.where(near, gain, -np.inf)[:, seen]
     # The row that index -1 picks: absent tracks take no detection and weigh nothing.
     gain, miss = np.vstack((gain, np.full(n, -np.inf))), np.append(miss, 0.0)
     costs = np.full((len(table), T, n + T), np.inf)
@@ -180,6 +184,7 @@ def associate(
 def missed(local: Bernoullis, p_detect: Array) -> Bernoullis:
     """The Bernoullis after a scan that could have, with ``p_detect`` (L,), but has not seen them.
 
+    Equation (1) of ``docs/systems/filters.md``.
     ``p_detect`` is that of a visible object.
     """
     p = p_detect * local.visible
@@ -204,9 +209,8 @@ def prune(mixture: Mixture, min_existence: float, max_tracks: int) -> tuple[Mixt
         best = falling(expected[tracks], mixture.start[tracks])[:max_tracks]
         tracks, all_ = np.sort(tracks[best]), expected[tracks].sum()
         lost = float(all_ - expected[tracks].sum())
-    table, same = np.unique(table[:, tracks], axis=0, return_inverse=True)
-    same = same.ravel()
-    w = np.bincount(same, mixture.w, len(table))
+    first, same = _distinct(table[:, tracks])
+    table, w = table[first][:, tracks], np.bincount(same, mixture.w, len(first))
     order = np.argsort(-w, kind="stable")
     # Of hypotheses that have become one the weightiest tells where it came from.
     rising = np.argsort(mixture.w, kind="stable")
@@ -223,6 +227,16 @@ def prune(mixture: Mixture, min_existence: float, max_tracks: int) -> tuple[Mixt
         mixture.parent[heaviest[order]],
     )
     return pruned, lost
+
+
+def _distinct(table: Array) -> tuple[Array, Array]:
+    """The first of each of the distinct rows of ``table`` (G, T), in order, and which each is."""
+    if not table.shape[1]:
+        return np.zeros(min(len(table), 1), np.int64), np.zeros(len(table), np.int64)
+    # As bytes of whole numbers whose highest come first, rows compare at once.
+    text = np.ascontiguousarray(table + 1, ">u8").view(np.dtype((np.void, 8 * table.shape[1])))
+    _, first, same = np.unique(text.ravel(), return_index=True, return_inverse=True)
+    return first, same.ravel()
 
 
 def merge(mixture: Mixture, distance: float, existence: float) -> Mixture:

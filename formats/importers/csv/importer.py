@@ -31,10 +31,12 @@ from ....models.parameters import parameter, require, suggestion
 from ....models.poses import said
 from ....models.records import Meta, Recording, Sensor, Stream
 from ....models.registry import parameters
+from ..text import TextFile
 from . import columns, geodetic, plausible, truth
 from .align import align
 from .log import Log
 from .mapping import MATLAB, MEASUREMENT, OPTIONAL, UNUSED, Mapping, Tables, load
+from .odometry import odometry
 from .radar import radar
 from .times import epoch_ns
 from .units import axes
@@ -66,22 +68,36 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     if len(paths) != 1:
         raise InputError("csv reads one log: name its further files in the mapping")
     content, folder = load(params.mapping)
-    parts = _parts(content, params.mapping if folder else "")
+    return build(content, folder, paths[0], {}, "csv", params.mapping if folder else "")
+
+
+def build(
+    content: dict[str, Any],
+    folder: Path | None,
+    path: Path,
+    files: dict[Path, TextFile],
+    importer: str,
+    source: object = "",
+) -> Recording:
+    """The recording that the mapping ``content`` makes of the log at ``path``.
+
+    Of further files those in ``files`` are known already; others lie in ``folder``, by default
+    that of the log.
+    """
+    parts = _parts(content, source)
     mapping = next(iter(parts.values()))
-    folder = paths[0].parent if folder is None else folder
+    folder = path.parent if folder is None else folder
     F = axes(mapping.frame, "frame")
     plane = geodetic.Plane.of(mapping.origin, F)
-    tables = Tables(folder, mapping, epoch_ns(mapping.epoch), plane)
-    logs = {
-        name: _rows(name, part, paths[0], tables, len(parts) > 1) for name, part in parts.items()
-    }
+    tables = Tables(folder, mapping, epoch_ns(mapping.epoch), plane, files)
+    logs = {name: _rows(name, part, path, tables, len(parts) > 1) for name, part in parts.items()}
     true = None if mapping.truth is None else truth.read(mapping.truth, F, tables)
     carried = true is not None and "device_x" in true.objects.state_names
     sensors: dict[str, Sensor] = {}
     streams: dict[str, Stream] = {}
     for name, part in parts.items():
-        _check_model(part.model, paths[0])
-        build = uwb if part.kind == "uwb" else radar
+        _check_model(part.model, path)
+        build = BUILD.get(part.kind, radar)
         own = replace(tables, dialect=part)
         nodes, found = build(part, logs[name], F, own, carried, name)
         for node, sensor in nodes.items():
@@ -92,21 +108,24 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
             if stream in streams:
                 raise ParameterError(f"streams.{name}: a second stream {stream!r}")
         streams |= found
+    for moved in streams.values():
+        if moved.kind == "odometry":
+            sensors.setdefault(moved.nodes[0], Sensor.device())
     aligned: dict[str, Any] = {}
     if true is not None and mapping.truth.get("align"):
         uwb_streams = [stream for stream in streams.values() if stream.kind == "uwb"]
         if len(uwb_streams) != 1:
             raise InputError("truth: align needs one stream of ranges")
         true, aligned = align(true, uwb_streams[0], sensors, mapping.truth["align"])
-        _log.warning("%s: the truth was fitted to the ranges: %s", paths[0], _fitted(aligned))
-    plausible.doppler(paths[0], streams)
+        _log.warning("%s: the truth was fitted to the ranges: %s", path, _fitted(aligned))
+    plausible.doppler(path, streams)
     if true is not None:
-        plausible.overlap(paths[0], true, streams)
-        plausible.against_ranges(paths[0], true, streams, sensors)
-        plausible.against_points(paths[0], true, streams, sensors)
+        plausible.overlap(path, true, streams)
+        plausible.against_ranges(path, true, streams, sensors)
+        plausible.against_points(path, true, streams, sensors)
     sensors, streams = _named(sensors, streams)
     provenance = {
-        "importer": "csv",
+        "importer": importer,
         "files": [file.provenance for file in tables.files.values()],
         "parameters": {"mapping": content},
     }
@@ -114,12 +133,14 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
         provenance["left_out"] = tables.skipped
     if aligned:
         provenance["truth_aligned"] = aligned
-    meta = Meta(paths[0].stem, mapping.epoch, origin=plane.text, provenance=provenance)
+    meta = Meta(path.stem, mapping.epoch, origin=plane.text, provenance=provenance)
     recording = Recording(meta, sensors, streams, true)
-    check(recording, paths[0])
+    check(recording, path)
     return recording
 
 
+BUILD = {"uwb": uwb, "odometry": odometry}
+"""What makes a stream of a kind that is not a radar's."""
 GENERAL = True
 """Other importers come first, where a file may be for them."""
 
@@ -140,7 +161,7 @@ def _parts(content: dict[str, Any], source: object) -> dict[str, Mapping]:
     spec = content.get("streams", {})
     if not spec:
         mapping = Mapping.of(content, source)
-        return {"uwb" if mapping.kind == "uwb" else "radar": mapping}
+        return {mapping.kind if mapping.kind in BUILD else "radar": mapping}
     ok = isinstance(spec, abc.Mapping) and all(isinstance(v, abc.Mapping) for v in spec.values())
     require(ok, "streams", "a mapping of names to what each stream is", spec)
     common = {key: value for key, value in content.items() if key != "streams"}
@@ -151,7 +172,7 @@ def _parts(content: dict[str, Any], source: object) -> dict[str, Mapping]:
                 raise ParameterError(f"streams.{name}: {key!r} is common to all streams")
         kind = str(own.get("kind", common.get("kind", "")))
         merged = {k: v for k, v in common.items() if k not in UNUSED.get(kind, ())} | dict(own)
-        if kind != "uwb":
+        if kind not in BUILD:
             merged.setdefault("sensors", {name: [0.0, 0.0]})
         try:
             parts[name] = Mapping.of(merged)

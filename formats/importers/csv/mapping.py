@@ -21,9 +21,13 @@ from .table import read_table
 from .times import epoch_ns
 
 MEASUREMENT = {"uwb": ("distance",), "position": ("x", "y"), "range_bearing": ("range", "azimuth")}
+MEASUREMENT |= {"odometry": ()}
 _RADAR = ("doppler", "power", "amplitude", "time_offset", "scan", "sensor")
+_MOTION = ("velocity_x", "velocity_y", "turn_rate", "heading")
+ODOMETRY = ("left", "right", *_MOTION, *(f"std_{name}" for name in _MOTION))
 OPTIONAL = {
-    "uwb": ("amplitude", "std", "anchor", "device", "tx", "rx"),
+    "uwb": ("amplitude", "std", "anchor", "device", "tx", "rx", "reference"),
+    "odometry": ODOMETRY,
     "position": ("z", *_RADAR),
     "range_bearing": ("elevation", "std_range", "std_azimuth", *_RADAR),
 }
@@ -31,6 +35,7 @@ UNUSED = {
     "uwb": ("sensors", "sensor_frame"),
     "position": ("anchors", "devices"),
     "range_bearing": ("anchors", "devices"),
+    "odometry": ("anchors", "sensors", "sensor_frame"),
 }
 MATLAB = ".mat"
 R = TypeVar("R", bound=Reading)
@@ -82,6 +87,7 @@ class Mapping(Reading):
     devices: Any = field(default_factory=dict)
     sensors: Any = field(default_factory=lambda: {"radar": [0.0, 0.0]})
     scans: Any = None
+    wheel_distance: Any = None
     streams: Any = field(default_factory=dict)
     truth: Any = None
     model: Any = field(default_factory=dict)

@@ -13,7 +13,7 @@ from ....models.errors import ParameterError
 from ....models.parameters import require, suggestion
 from ....models.records import Array
 
-NAMES = ("anchor", "device", "tx", "rx", "sensor", "scan", "id", "label")
+NAMES = ("anchor", "device", "tx", "rx", "reference", "sensor", "scan", "id", "label")
 """The quantities that are names: they have no unit."""
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0}
 _LENGTHS |= {"ft": 0.3048, "in": 0.0254, "nmi": 1852.0}
@@ -23,6 +23,7 @@ _FACTORS: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "deg": {"deg": 1.0, "rad": 180 / math.pi},
     "m s-1": {"m/s": 1.0, "km/h": 1 / 3.6, "ft/s": 0.3048, "kn": 1852 / 3600},
+    "rad s-1": {"rad/s": 1.0, "deg/s": math.pi / 180},
     "1": {"1": 1.0},
 }
 _AXES = {
@@ -39,6 +40,7 @@ _AXES = {
 }
 """Directions: the axis of a recording's frames that they lie on, and their sign there."""
 _STATE = {"yaw": "rad", "vx": "m s-1", "vy": "m s-1", "vz": "m s-1"}
+_STATE |= {"left": "m s-1", "right": "m s-1"}
 _STATE |= {"device_x": "m", "device_y": "m", "time": "s", "height": "m"}
 _STATE |= dict.fromkeys(("lat", "lon", "device_lat", "device_lon"), "deg")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....models.columns import ACTIVE, PASSIVE
+from ....models.columns import ACTIVE, PASSIVE, TDOA
 from ....models.errors import ParameterError
 from ....models.records import Array, Sensor, Stream
 from ..rows import pad, to_stream
@@ -44,17 +44,28 @@ def uwb(mapping: Mapping, table: Log, F: Array, tables: Tables, carried: bool, n
     nodes = tuple(sensors)
     ends = [_ends(part, nodes, len(devices)) for part in parts]
     tx, rx = (np.concatenate(column) for column in zip(*ends, strict=True))
+    differences = "reference" in table
+    if differences and len(parts) > 1:
+        raise ParameterError("mapping: differences (reference) and scans do not go together")
     others = [key for key in ("amplitude", "std") if key in table]
     rows, detected = pad(*table.detections(["distance"], others), len(tx) - len(table))
-    table.refuse("distance", rows["distance"][: len(table)] < 0, "is negative")
+    if not differences:
+        table.refuse("distance", rows["distance"][: len(table)] < 0, "is negative")
     own = table.time()
     table.check_shared(own)
     plausible.rows(table, own)
     n = len(table)
     plausible.links(table, own, tx[:n] * len(nodes) + rx[:n], rows["distance"][:n])
     mode = np.where(tx < len(devices), ACTIVE, PASSIVE).astype(np.uint8)
+    if differences:
+        table.refuse("reference", tx >= len(devices), "is told, yet an anchor sends")
+        mode = np.full(len(tx), TDOA, np.uint8)
     time = np.concatenate([own, *(part.time() for part in parts[1:])])
     keys = {"mode": mode, "rx": rx, "tx": tx}
+    if differences:
+        of = table.index("reference", nodes[len(devices) :]) + np.int32(len(devices))
+        table.refuse("reference", of == rx, "is the anchor itself")
+        keys["reference"] = of
     stream = to_stream("uwb", nodes, mapping.model, time, keys, rows, detected)
     plausible.geometry(table.path, stream, sensors)
     return sensors, {name: stream}

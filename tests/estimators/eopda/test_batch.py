@@ -78,7 +78,7 @@ def ranges(x: np.ndarray, rng: np.random.Generator, dt: float = 0.2, std: float 
     place = np.hstack((ANCHORS, np.zeros((J, 1))))[anchor]
     z = np.linalg.norm(x[step, :2] - place[:, :2], axis=1) + std * rng.normal(size=n * J)
     time_ns = np.rint(np.arange(n) * dt * 1e9).astype(np.int64)
-    none = np.full(n * J, -1), np.zeros((n * J, 3)), np.zeros(n * J)
+    none = np.full(n * J, -1), np.zeros((n * J, 3)), np.zeros(n * J), np.zeros((n * J, 2))
     return Data(time_ns, J, step, anchor, place, z, np.full(n * J, std), *none, ())
 
 
@@ -117,7 +117,8 @@ def test_the_slope_is_that_of_the_cost_by_finite_differences() -> None:
     other = np.where(last[:, None], [0.0, 0.0, 1.5], 0.0)
     reference, shared = np.where(last, 0, -1), np.where(last, 0.2, 0.0)
     data = replace(data, increments=told(6, rng), place=data.place + UP)
-    data = replace(data, reference=reference, other=other, shared=shared)
+    offset = rng.normal(size=(24, 2))
+    data = replace(data, reference=reference, other=other, shared=shared, offset=offset)
     params = replace(
         PLAIN, tail=3.0, range_bias_std=0.2, range_scale_std=0.05, device_height_std=1.0
     )

@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import echoset
+from echoset.estimators.eopda import learn as learning
 from echoset.estimators.eopda import position
 from echoset.estimators.run import Estimation
 from echoset.models.errors import InputError, ParameterError
@@ -200,6 +202,23 @@ def test_noise_that_is_told_wrong_is_learnt():
     assert 0.13 < 0.1 * found["sigma_factor"] < 0.3
 
 
+def test_much_is_learnt_from_a_part(monkeypatch):
+    t = np.arange(60) * 0.1
+    record = recording(walk(t), t, sigma=0.2)
+    seen = []
+    inner = learning.track
+
+    def counted(events, *others):
+        events = list(events)
+        seen.append(len(events))
+        return inner(events, *others)
+
+    monkeypatch.setattr(learning, "track", counted)
+    monkeypatch.setattr(learning, "MOST", 100)
+    *_, found = run(record, learn=["sigma"], sigma=0.1, particles=300)
+    assert set(seen) == {25} and 0.13 < 0.1 * found["sigma_factor"] < 0.3
+
+
 def test_two_anchors_or_one_are_said_once(caplog):
     t = np.arange(5) * 0.1
     with caplog.at_level(logging.WARNING):
@@ -215,6 +234,19 @@ def test_an_offset_that_excludes_the_ranges_is_refused():
         InputError, match="range_bias 20 m is more than half of the first 20 ranges"
     ):
         run(record, **CALIBRATED | {"range_bias": 20.0})
+
+
+def test_what_is_kept_shows_both_images_of_two_anchors(tmp_path):
+    t = np.arange(10) * 0.1
+    record = recording(np.tile([3.0, 2.0], (10, 1)), t, anchors=CORNERS[:2])
+    _, _, _, steps, _ = run(record, **CALIBRATED, keep=50)
+    kept = steps["device_samples"]
+    assert kept.shape == (10, 50, 2)
+    assert 0.2 < (kept[-1, :, 1] > 0).mean() < 0.8
+    assert np.abs(np.abs(kept[-1]) - [3.0, 2.0]).max() < 0.5
+    path = tmp_path / "tag.h5"
+    echoset.write(echoset.estimate(record, "position", 1, **CALIBRATED, keep=50), path)
+    assert echoset.read(path).steps["device_samples"].shape == (10, 50, 2)
 
 
 def test_only_what_can_be_learnt_may_be_named():

@@ -424,6 +424,20 @@ def test_a_number_that_is_cut_is_told(caplog):
     assert found.steps["cardinality_variance"][0] >= 1
 
 
+@pytest.mark.parametrize("places", [2, 5, 8])
+def test_what_is_cut_is_stated_by_its_number(places, caplog):
+    """Eight targets far apart, which are plain to see: those without a place are counted."""
+    x, y = np.meshgrid([15.0, 45, 75, 105], [30.0, 90.0])
+    recording = sea(np.stack([x.ravel(), y.ravel()], 1), 120.0, 0.3, 30.0, 20)
+    settings = {"resolution": 30 / 1.25**2, "std_position": 0.3, "max_targets": places}
+    found = run(di_gsncp, recording, SHORT | settings).steps
+    lost = 8 - places
+    assert found["cut"][0] == lost
+    assert found["cardinality_mean"][0] == pytest.approx(8.0, abs=0.2)
+    if lost:
+        assert found["cardinality_variance"][0] == pytest.approx(lost, abs=0.3)
+
+
 def test_the_papers_preset_states_regular_covariances():
     params = radar_extended.Params(epochs=1)
     recording = radar_extended.simulate(params, np.random.default_rng(5), "many")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from echoset.estimators.points import mbm, phd
-from echoset.estimators.points.clutter_map import NEGLIGIBLE, unknown
+from echoset.estimators.points.clutter_map import FADED, unknown
 from echoset.models.errors import ParameterError
 from echoset.models.parameters import resolve
 
@@ -39,7 +39,7 @@ def test_what_stays_is_clutter_of_one_a_scan_and_what_moves_is_forgotten():
         seen = seen.learn(here, 10.0, 20.0, k * SECOND)
     assert seen.density(np.array([[52.0, 58.0]]), 10.0)[0] == pytest.approx(1 / 100, rel=1e-6)
     assert seen.density(np.array([[1000.0, 0.0]]), 10.0)[0] == 0.0
-    assert seen.count.min() >= NEGLIGIBLE
+    assert seen.count.min() >= FADED
     # A cell lasts until e^(-t/20) of its detection is negligible: 78 scans, and that of it.
     assert len(seen.cells) == 1 + 79
 

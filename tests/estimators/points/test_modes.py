@@ -49,7 +49,7 @@ def test_modes_are_a_chain_in_time():
     start = initial(params)
     np.testing.assert_allclose(start @ two, start, atol=1e-14)
     assert start[1:].sum() / start[0] == pytest.approx(0.4)
-    assert ModeParams().modes == 1 and ModeParams(motion="imm").modes == 3
+    assert ModeParams().modes == 1 and ModeParams(motion="imm").modes == 4
 
 
 def sequences(Z, params):

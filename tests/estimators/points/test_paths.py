@@ -139,6 +139,19 @@ def test_tracks_are_followed_back_before_their_first_detection_if_wanted(make_re
         assert [len(one.objects.label) for one in found] == [0] * first + [1] * (12 - first)
 
 
+def test_what_lies_still_is_left_out_if_wanted(make_recording):
+    """One that moves, from its first detection on, and not one that lies."""
+    rng = np.random.default_rng(9)
+    lies = np.array([80.0, 80.0])
+    Z = [np.stack((z, lies + rng.normal(size=2))) for z in path(rng, BIRTHS[0], 15)]
+    changes = {"birth": "detections", "poisson": True, "clutter_rate": 0.1, "p_detect": 0.9}
+    whole = run(make_recording(Z), smooth="whole", **changes)
+    moving = run(make_recording(Z), smooth="whole", min_travel=12.0, **changes)
+    assert [len(one.objects.label) for one in whole] == [2] * 15
+    assert [len(one.objects.label) for one in moving] == [1] * 15
+    assert np.linalg.norm(moving[0].objects.state[0, :2] - Z[0][0]) < 3
+
+
 def test_a_lag_by_either_name(make_recording):
     rng = np.random.default_rng(7)
     Z = [np.vstack((z[None], rng.uniform(0, 100, (2, 2)))) for z in path(rng, BIRTHS[0], 12)]

@@ -11,8 +11,9 @@ from echoset.estimators.eopda import ideal
 from echoset.metrics.bounds import paths, pcrlb, pcrlb_star
 from echoset.metrics.bounds.information import covariance_bounds, information, intensity
 from echoset.models.errors import InputError, ParameterError
-from echoset.models.parameters import resolve
+from echoset.models.parameters import resolve, sensor_model
 from echoset.models.records import Recording, Scores
+from echoset.simulate import uwb
 
 Y = np.array([2.3, 1.7, 0.4, -0.2, 0.32, -1.0, 0.3, 0.2, 0.1])
 RX, TX = np.array([4.0, 4.5]), np.array([6.5, 0.0])
@@ -220,3 +221,33 @@ def test_window_and_lacking_truth(network: Recording) -> None:
         pcrlb.score(None, replace(network, streams=several), pcrlb.Params())  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match="max_range"):
         resolve(pcrlb.Params, ("settings", {"max_range": 0.0}))
+
+
+def test_offsets_of_the_recording_are_part_of_the_state() -> None:
+    """Direct ranges alone, one step: the joint Gaussian of device and one offset an anchor."""
+    scene = uwb.Params(steps=1, mean_scatter=0.0, mean_clutter=0.0)
+    recording = uwb.simulate(scene, np.random.default_rng(1), "one")
+    stream = recording.streams["uwb"]
+    told = {"mean_scatter": 0.0, "mean_clutter": 1e-9, "range_bias_std": 0.3}
+    recording = replace(recording, streams={"uwb": replace(stream, model=stream.model | told)})
+    params = resolve(pcrlb.Params, *sensor_model(recording, pcrlb.Params))
+    assert params.range_bias_std == 0.3 and params.range_bias_spread == 0.1
+    found = pick(pcrlb.score(None, recording, params), "pcrlb", "device")[0]  # type: ignore[arg-type]
+
+    anchors = np.array(scene.anchors)
+    y = pcrlb.true_states(recording, np.array([100_000_000]), params)[0]
+    H = np.zeros((3, 12))
+    for j, a in enumerate(anchors):
+        H[j, :9] = differences(lambda y, a=a: np.hypot(*(paths.device(y)[0] - a))[None], y)
+        H[j, 9 + j] = 1.0
+    d = np.hypot(*(paths.device(y)[0] - anchors).T)
+    std = 299_792_458.0 / (np.sqrt(8) * np.pi * 500e6 / np.sqrt(12) * 10**1.5 / d)
+    P0 = np.zeros((12, 12))
+    P0[:9, :9] = pcrlb.prior(anchors, params)
+    P0[9:, 9:] = 0.09 + 0.01 * np.eye(3)
+    P = np.linalg.inv(np.linalg.inv(P0) + H.T @ np.diag(std**-2) @ H)
+    G = differences(lambda y: paths.device(y)[0], y)
+    assert found == pytest.approx(np.sqrt(np.trace(G @ P[:9, :9] @ G.T)), rel=1e-4)
+    calibrated = replace(params, range_bias_std=0.0)
+    less = pick(pcrlb.score(None, recording, calibrated), "pcrlb", "device")[0]  # type: ignore[arg-type]
+    assert less < 0.5 * found
