@@ -18,8 +18,10 @@ from ..estimators import mbm, phd
 from ..estimators.maps import evidence
 from ..estimators.maps.detector import Chain
 from ..estimators.maps.kernels.fusion import Pixels
+from ..estimators.maps.tbd import filter as tbd
 from ..models.classifier import CLASSES
-from ..models.parameters import as_dict, sensor_model
+from ..models.parameters import as_dict, resolve, sensor_model
+from ..models.random import generator
 from ..models.records import Array, Estimates, Meta, Objects, Recording, Scan
 
 FILTERS = {"phd": phd, "mbm": mbm}
@@ -87,6 +89,17 @@ def estimate(
     chain = change(replace(context.source, fuse=lambda t, scans: soft[t]))
     steps = list(module.run(replace(context, source=chain), recording.scans()))
     return _named(recording, condition, steps)
+
+
+def before_detection(recording: Recording, stations: int) -> Steps:
+    """Estimates step by step by track-before-detect, with the first so many stations."""
+    setup = recording.setup()
+    layers = sensor_model(recording, tbd.Params), (("stations", {"stations": stations}),)
+    params = resolve(tbd.Params, *layers[0], *layers[1])
+    rng = generator(1, "estimate:tbd", recording.meta.name)
+    provenance = {"estimator": f"tbd {stations}", "parameters": as_dict(params)}
+    meta = Meta(recording.meta.name, provenance=provenance)
+    return [replace(s, meta=meta) for s in tbd.estimate(setup, recording.scans(), params, rng)]
 
 
 def without(recording: Recording, condition: Condition, soft: Soft, part: str) -> Steps:

@@ -72,3 +72,11 @@ def test_the_truth_stands_in_for_a_part(part, recording, soft):
             if (m, p) == ("accuracy", "") and np.isnan(t)
         ]
         assert aggregate[0] > 0.9
+
+
+def test_track_before_detect_is_what_the_command_does(recording):
+    mine = joined(stations.before_detection(recording, 3))
+    theirs = echoset.estimate(recording, "tbd", stations=3)
+    np.testing.assert_array_equal(mine.objects.state, theirs.objects.state)
+    assert mine.meta.provenance["estimator"] == "tbd 3"
+    assert error(mine, recording) < 0.5
