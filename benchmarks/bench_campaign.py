@@ -25,9 +25,9 @@ from typing import Any
 from calibration import fastest, kernel
 
 from echoset.campaign import estimate as estimation
-from echoset.campaign import outputs
 from echoset.campaign.batch import run as batch
 from echoset.campaign.batch.execution import Execution
+from echoset.campaign.files import outputs
 from echoset.cli.main import main as echoset
 from echoset.estimators import run as estimators
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from echoset.models.classifier import SHAPES, Weights
-from echoset.models.poses import yaw_quaternion
+from echoset.models.geometry.poses import yaw_quaternion
 from echoset.models.records import Array, Meta, Recording, Sensor, Stream
 
 RANGE, AZIMUTH = np.arange(218) * 0.39, np.deg2rad(np.arange(-60, 60.1, 2.4))

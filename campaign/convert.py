@@ -20,9 +20,9 @@ from . import exits, log
 from .batch import resume
 from .batch.execution import Execution
 from .batch.task import Whole
-from .inputs import is_pipe, is_scores, label, spooled
+from .files.inputs import is_pipe, is_scores, label, spooled
+from .files.outputs import DASH, Target
 from .layers import layers
-from .outputs import DASH, Target
 from .progress import share
 
 

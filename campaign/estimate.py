@@ -24,8 +24,8 @@ from . import exits, progress
 from .batch import resume
 from .batch.execution import Execution
 from .batch.task import Whole
-from .inputs import is_pipe, label, spooled, stdin
-from .outputs import DASH, Existing, Target, scores_format, single
+from .files.inputs import is_pipe, label, spooled, stdin
+from .files.outputs import DASH, Existing, Target, scores_format, single
 
 METRIC = "time-per-step"
 

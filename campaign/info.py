@@ -11,7 +11,7 @@ from .. import formats
 from ..formats import foreign
 from ..formats import scores as tables
 from ..models.names import printable
-from .inputs import SCORES, label, spooled
+from .files.inputs import SCORES, label, spooled
 
 
 def inspect(file: str) -> dict[str, Any]:

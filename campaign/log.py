@@ -7,7 +7,7 @@ import sys
 from datetime import UTC, datetime
 
 from ..models.names import printable
-from .names import json_text
+from .files.names import json_text
 
 FORMATS = ("text", "json")
 logger = logging.getLogger("echoset")

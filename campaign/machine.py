@@ -10,13 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..models.errors import (
-    EchosetError,
-    InputError,
-    OutputError,
-    ParameterError,
-    UnavailableError,
-)
+from ..models.errors import EchosetError, InputError, OutputError, ParameterError, UnavailableError
 
 SHARE = 0.8
 """Part of the machine's memory that commands may take by default."""

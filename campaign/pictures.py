@@ -14,7 +14,8 @@ from ..models.names import scenario
 from ..models.records import Estimates, Recording, Scores
 from ..report import Picture, few, plots
 from ..report.plots import Inputs
-from . import inputs, log
+from . import log
+from .files import inputs
 
 PHONE = 9.3
 """Width [cm] of plots in a page: that of a phone, on which letters keep their size."""

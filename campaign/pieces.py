@@ -17,8 +17,8 @@ from ..models.parameters import require, suggestion
 from ..models.records import Array, Meta, Recording, Sensor, Stream, Truth
 from .batch import resume
 from .batch.execution import Execution
-from .inputs import label, spooled
-from .outputs import Target
+from .files.inputs import label, spooled
+from .files.outputs import Target
 
 _FIRST, _LAST = -(1 << 62), 1 << 62
 

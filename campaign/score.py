@@ -23,14 +23,15 @@ from ..metrics.protocol import GROUP, load
 from ..metrics.run import MetricRun
 from ..models import registry
 from ..models.errors import InputError, ParameterError
+from ..models.geometry.poses import Placement, said
 from ..models.names import scenario
 from ..models.parameters import Layer, shown, suggestion
-from ..models.poses import Placement, said
 from ..models.records import Array, Estimates, Recording, Scores
-from . import exits, inputs, log, progress, truth
+from . import exits, log, progress, truth
 from .batch.execution import Execution
 from .batch.task import Whole
-from .outputs import Target
+from .files import inputs
+from .files.outputs import Target
 from .progress import announce_compilation
 
 Layers = dict[str, tuple[Layer, ...]]

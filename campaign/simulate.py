@@ -14,7 +14,7 @@ from ..models.random import generator
 from ..models.registry import load
 from .batch import resume
 from .batch.execution import Execution
-from .outputs import Target
+from .files.outputs import Target
 from .progress import announce_compilation
 from .scenarios import GROUP, Scenario
 

@@ -12,8 +12,8 @@ from ..models.errors import ParameterError
 from ..models.parameters import resolve
 from ..simulate import jsc
 from . import progress
+from .files.outputs import say
 from .layers import layers
-from .outputs import say
 from .scenarios import find
 
 

@@ -14,8 +14,8 @@ from ..models.errors import InputError
 from ..models.names import printable
 from ..models.records import Recording, Stream
 from .batch.execution import Execution
-from .inputs import is_scores, label, spooled
-from .outputs import say
+from .files.inputs import is_scores, label, spooled
+from .files.outputs import say
 from .progress import share
 
 _UNKNOWN = "provenance is empty"

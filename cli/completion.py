@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from ..campaign.outputs import say
+from ..campaign.files.outputs import say
 from . import options
 
 SHELLS = ("bash", "zsh", "fish")

@@ -7,14 +7,14 @@ from pathlib import Path, PurePath
 import click
 
 from ..campaign.batch.execution import Execution
-from ..campaign.outputs import Existing, plan, scores_format
+from ..campaign.files.outputs import Existing, plan, scores_format
 from . import options
 
 
 def _propose(importer: str | None, inputs: tuple[str, ...], output: str | None) -> None:
     """Print the mapping that is proposed for a log."""
     from ..campaign.convert import proposal
-    from ..campaign.outputs import say
+    from ..campaign.files.outputs import say
     from ..models.errors import ParameterError
 
     if importer is None or len(inputs) != 1 or output is not None:
@@ -86,7 +86,7 @@ def command(
     """
     from ..campaign.batch.run import run
     from ..campaign.convert import Import, Recovered, Task
-    from ..campaign.inputs import SCORES
+    from ..campaign.files.inputs import SCORES
     from ..models.errors import ParameterError
 
     if propose:

@@ -8,7 +8,7 @@ from pathlib import PurePath
 import click
 
 from ..campaign.batch.execution import Execution
-from ..campaign.outputs import DASH, Existing, plan
+from ..campaign.files.outputs import DASH, Existing, plan
 from . import options
 
 

@@ -7,7 +7,7 @@ from pathlib import PurePath
 
 import click
 
-from ..campaign.outputs import say
+from ..campaign.files.outputs import say
 from . import options
 
 

@@ -7,7 +7,7 @@ from pathlib import PurePath
 import click
 
 from ..campaign.batch.execution import Execution
-from ..campaign.outputs import Existing, plan
+from ..campaign.files.outputs import Existing, plan
 from . import options
 
 

@@ -13,8 +13,8 @@ from click.types import StringParamType
 from ..campaign import log
 from ..campaign.batch.execution import Execution
 from ..campaign.batch.lock import locked
+from ..campaign.files.outputs import Existing
 from ..campaign.machine import default_memory, parse_bytes
-from ..campaign.outputs import Existing
 
 F = TypeVar("F", bound=Callable[..., Any])
 PATH = click.Path(readable=False, allow_dash=True)
@@ -190,7 +190,7 @@ def inputs(name: str, metavar: str) -> Callable[[F], F]:
 
 
 def _listed(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
-    from ..campaign.inputs import listed
+    from ..campaign.files.inputs import listed
 
     return tuple(path for word in value for path in listed(word))
 

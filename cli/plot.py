@@ -6,7 +6,7 @@ from pathlib import PurePath
 
 import click
 
-from ..campaign.outputs import DASH, single
+from ..campaign.files.outputs import DASH, single
 from ..models.errors import ParameterError
 from . import options
 

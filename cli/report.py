@@ -6,7 +6,7 @@ from pathlib import PurePath
 
 import click
 
-from ..campaign.outputs import DASH, single
+from ..campaign.files.outputs import DASH, single
 from . import options
 
 _SUFFIXES = {".md": "md", ".csv": "csv", ".tex": "latex", ".html": "html", ".json": "json"}
@@ -44,7 +44,7 @@ def command(
     echoset report scores.csv --by estimator,part --format latex -o -
     echoset report scores.csv -o report.html
     """
-    from ..campaign.inputs import read_scores
+    from ..campaign.files.inputs import read_scores
     from ..campaign.pictures import pooled, portraits, warn_of_few
     from ..models.records import Scores
     from ..report import gaps, headlines, page, render, tables

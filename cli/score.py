@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from ..campaign.batch.execution import Execution
-from ..campaign.outputs import DASH, scores_format, single
+from ..campaign.files.outputs import DASH, scores_format, single
 from . import options
 
 

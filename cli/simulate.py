@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from ..campaign.batch.execution import Execution
-from ..campaign.outputs import DASH, Existing, plan
+from ..campaign.files.outputs import DASH, Existing, plan
 from . import options
 
 

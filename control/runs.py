@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..models.geometry.regions import contains, polygon
 from ..models.random import generator
 from ..models.records import Array, Objects
-from ..models.regions import contains, polygon
 from ..simulate.surveillance import world
 from .surveillance import Params, loop
 

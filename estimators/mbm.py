@@ -12,9 +12,10 @@ from ..models.records import Estimates, Recording, Scan
 from .maps.choice import with_default
 from .maps.detector import Chain, files
 from .maps.params import MAPS, MapParams
-from .points import mbm_filter, sensing, streams
+from .points import mbm_filter, streams
 from .points.context import Context
 from .points.mbm import run
+from .points.model import sensing
 from .presets import Presets
 
 __all__ = [

@@ -12,8 +12,9 @@ from ..models.records import Estimates, Recording, Scan
 from .maps.choice import with_default
 from .maps.detector import Chain, files
 from .maps.params import MAPS, MapParams
-from .points import phd_filter, sensing, streams
+from .points import phd_filter, streams
 from .points.context import Context
+from .points.model import sensing
 from .points.phd import run
 from .presets import Presets
 

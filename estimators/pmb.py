@@ -10,8 +10,9 @@ import numpy as np
 from ..models.records import Estimates, Recording, Scan
 from .maps.detector import Chain
 from .maps.params import MAPS, MapParams
-from .points import pmb_filter, sensing
+from .points import pmb_filter
 from .points.context import Context
+from .points.model import sensing
 from .points.pmb import run
 from .points.streams import resolved
 from .presets import Presets

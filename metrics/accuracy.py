@@ -1,7 +1,7 @@
 """Classification of the objects that were found: accuracy and confusion matrix.
 
 An estimate counts for the true object that it is assigned to, below the gate, by the assignment of
-:mod:`.ospa`. ``accuracy`` is the share of right classes among them (E. Favarelli et al.,
+:mod:`.distances.ospa`. ``accuracy`` is the share of right classes among them (E. Favarelli et al.,
 "Multi-base station cooperative sensing with AI-aided tracking", eq. 19); ``confusion`` has the
 parts ``<true>:<estimated>``, the share of the estimated class among the true ones of a class. What
 is not assigned has no say in either: ``accuracy-unassigned`` holds the mean numbers of ``missed``

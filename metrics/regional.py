@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from ..models.errors import InputError
+from ..models.geometry.regions import contains, polygon, polygons, statistics
 from ..models.parameters import parameter
 from ..models.records import Array, Estimates, Recording, Scores
-from ..models.regions import contains, polygon, polygons, statistics
 from .kit.measured import Measured, Names
 from .kit.series import Steps, parts, series
 from .kit.sets import align

@@ -1,9 +1,9 @@
 """Shares and rates after the single integrated air picture: how complete, how clean, how clear.
 
 A true object is *covered* while an estimate is less than the cut-off away, and *tracked* while one
-is its own in the optimal assignment of :mod:`.gospa`. Votruba et al., Single integrated air picture
-(SIAP) metrics implementation, 2001, counts covered objects; with one estimate for two vessels only
-one of them is tracked.
+is its own in the optimal assignment of :mod:`.distances.gospa`. Votruba et al., Single integrated
+air picture (SIAP) metrics implementation, 2001, counts covered objects; with one estimate for two
+vessels only one of them is tracked.
 
 ===================  =================================================================
 ``completeness``     share of true objects that are tracked, over all steps

@@ -14,15 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from ..models.geometry.poses import yaw_quaternion
 from ..models.parameters import parameter, require
-from ..models.poses import yaw_quaternion
-from ..models.radar.multibeam import (
-    BaseStation,
-    Echoes,
-    path_gain,
-    reference_echo,
-    space,
-)
+from ..models.radar.multibeam import BaseStation, Echoes, path_gain, reference_echo, space
 from ..models.radar.reflectors import Reflectors, pedestrian, vehicle, visibility
 from ..models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
 from . import spectral, waveform

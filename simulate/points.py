@@ -11,8 +11,8 @@ from math import pi
 
 import numpy as np
 
+from ..models.geometry.poses import yaw_quaternion
 from ..models.parameters import parameter, require
-from ..models.poses import yaw_quaternion
 from ..models.radar.detection import View, polar
 from ..models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
 

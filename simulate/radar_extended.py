@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..models import extent
-from ..models.grids import Grid
+from ..models.geometry import extent
+from ..models.geometry.grids import Grid
 from ..models.parameters import parameter, require
 from ..models.point_process import matern_ii
 from ..models.radar import ofdm

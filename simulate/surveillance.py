@@ -13,9 +13,9 @@ from math import pi, radians
 
 import numpy as np
 
+from ..models.geometry.poses import pose_at, yaw_quaternion
 from ..models.motion import constant_velocity
 from ..models.parameters import parameter, require
-from ..models.poses import pose_at, yaw_quaternion
 from ..models.radar.detection import View, polar
 from ..models.records import Array, Objects, Sensor
 

@@ -17,7 +17,7 @@ from echoset.estimators.presets import presets
 from echoset.estimators.run import Estimation
 from echoset.formats.importers import autoferry
 from echoset.formats.windows import concatenate
-from echoset.metrics.gospa import METRIC, gospa
+from echoset.metrics.distances.gospa import METRIC, gospa
 from echoset.metrics.kit.assignment import assign
 from echoset.metrics.kit.series import mean_stderr
 from echoset.metrics.kit.sets import AlignedSets, sets

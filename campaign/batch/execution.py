@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ...models.errors import ParameterError
+from ..files.outputs import DASH, Target
 from ..machine import default_memory
-from ..outputs import DASH, Target
 
 
 @dataclass(frozen=True, slots=True)

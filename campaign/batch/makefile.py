@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ...models.errors import ParameterError
-from ..outputs import Target
+from ..files.outputs import Target
 
 Rule = tuple[Target | None, Iterable[str | None]]
 """An output, and the files that it was made from."""

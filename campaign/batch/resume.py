@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ...models.errors import FormatError
-from ..outputs import Target
+from ..files.outputs import Target
 
 RUN, REDO, SKIP = "run", "redo", "skip"
 

@@ -21,7 +21,7 @@ from ...formats.atomic import refuse_unwritable, sweep
 from ...models.errors import EchosetError, FormatError
 from ...models.names import printable
 from .. import exits, log, machine, progress
-from ..outputs import Existing, Target, refuse_collisions, say
+from ..files.outputs import Existing, Target, refuse_collisions, say
 from . import makefile
 from .execution import Execution
 from .resume import REDO, SKIP, Decision

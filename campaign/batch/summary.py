@@ -10,8 +10,8 @@ from typing import Any
 
 from ...models.errors import OutputError
 from .. import exits
-from ..names import json_text
-from ..outputs import Target
+from ..files.names import json_text
+from ..files.outputs import Target
 from .resume import SKIP, Decision
 from .task import Task
 

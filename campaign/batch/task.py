@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar
 
-from ..outputs import Target
+from ..files.outputs import Target
 from .execution import Execution
 
 if TYPE_CHECKING:

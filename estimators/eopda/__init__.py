@@ -7,5 +7,5 @@ Object Tracking", 2025.
 
 Read first :mod:`.filter`, from top to bottom; then :mod:`.geo`, :mod:`.ideal` and :mod:`.ap_pda`,
 which say what the body looks like to the links, and :mod:`.kernels.link_likelihood`, which weighs
-it. :mod:`.links` turns scans into links, :mod:`.tempering` finds the start.
+it. :mod:`.links` turns scans into links, :mod:`.cloud.tempering` finds the start.
 """

@@ -13,13 +13,13 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Estimates, Meta, Recording, Scan
+from .cloud.resampling import systematic
+from .cloud.start import MARGIN, SPAN
 from .extract import extract
 from .filter import track, turn
 from .learn import learn, with_noise
 from .links import NO_LINKS, Network, link_steps, network
 from .odometry import Odometer, odometry_of
-from .resampling import systematic
-from .start import MARGIN, SPAN
 from .state import Event, Step, Target, belief
 
 _log = logging.getLogger(__name__)

@@ -8,8 +8,8 @@ import numpy as np
 
 from ...models.errors import EstimatorError
 from ...models.records import Array, Estimates, Meta, Objects
+from .cloud.resampling import effective_sample_size
 from .params import Params
-from .resampling import effective_sample_size
 from .state import State, Target
 
 

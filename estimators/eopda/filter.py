@@ -8,7 +8,7 @@ links is a :class:`~.state.Target`; :mod:`.geo`, :mod:`.ideal` and :mod:`.ap_pda
 
 A step is: predict motion and extent; weigh by the passive links, which see only the object;
 resample; turn the device about the object by a proposal that looks at its lines of sight; weigh by
-the active links; extract; resample. The start is :mod:`.start`'s; where ranges contradict the
+the active links; extract; resample. The start is :mod:`.cloud.start`'s; where ranges contradict the
 particles for a while, or after a pause, there is another one.
 """
 
@@ -23,14 +23,14 @@ import numpy as np
 from ...models.errors import EstimatorError
 from ...models.motion import STEP, acceleration_variance, constant_velocity, walk_std
 from ...models.records import Array
+from .cloud.lost import Doubt, merge, search, surprise
+from .cloud.resampling import effective_sample_size, log_mean, normalise, systematic
+from .cloud.start import SPAN, start
 from .heading import drive, first_headings, is_told, log_heading
 from .kernels.compiled.bias_proposal import propose_bias
 from .links import NO_LINKS, Links
-from .lost import Doubt, merge, search, surprise
 from .odometry import Increment
 from .params import Params
-from .resampling import effective_sample_size, log_mean, normalise, systematic
-from .start import SPAN, start
 from .state import Belief, Event, Height, State, Step, Target, moments
 from .weighing import excess, weigh_active, weigh_differences, weigh_object
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...models.columns import ACTIVE, PASSIVE
 from ...models.errors import InputError
-from ...models.poses import pose_at
+from ...models.geometry.poses import pose_at
 from ...models.records import Array, Recording, Scan, Sensor
 from ...models.uwb import range_std
 

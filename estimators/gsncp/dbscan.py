@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from ...models import extent
-from ...models.grids import Grid
+from ...models.geometry import extent
+from ...models.geometry.grids import Grid
 from ...models.parameters import parameter, require
 from ...models.records import Array, Estimates, Recording, Scan
 from ..presets import Presets

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models import extent
 from ...models.errors import InputError
+from ...models.geometry import extent
 from ...models.parameters import parameter
 from ...models.records import Array, Estimates, Recording, Scan
 from ..presets import Presets

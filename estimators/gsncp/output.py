@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ...models import extent
+from ...models.geometry import extent
 from ...models.records import Array, Objects
 from .plane import columns
 

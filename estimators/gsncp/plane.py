@@ -11,7 +11,7 @@ from math import pi
 
 import numpy as np
 
-from ...models.grids import Grid
+from ...models.geometry.grids import Grid
 from ...models.records import Array
 
 THIRD = 1 / (2 * pi) - 1

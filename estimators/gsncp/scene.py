@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from ...models.errors import InputError
-from ...models.grids import Grid
+from ...models.geometry.grids import Grid
 from ...models.parameters import per_stream
 from ...models.records import Array, Recording, Scan
 from . import plane

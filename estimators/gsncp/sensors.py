@@ -16,9 +16,9 @@ from typing import TypeVar
 import numpy as np
 
 from ...models.errors import InputError
-from ...models.grids import Grid
+from ...models.geometry.grids import Grid
+from ...models.geometry.poses import pose_at
 from ...models.parameters import Layer, is_preset, listed, resolved_by_stream
-from ...models.poses import pose_at
 from ...models.radar.detection import View, polar
 from ...models.radar.ofdm import MOUNTING
 from ...models.records import Array, Recording, Scan, Stream

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...models.classifier import CELL, CLASSES
+from ...models.geometry.regions import polygon
 from ...models.parameters import parameter, require
-from ...models.regions import polygon
 
 LARGEST = 4_000_000
 """Pixels of the largest soft map."""

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from ...models.errors import InputError
-from ...models.poses import pose_at
+from ...models.geometry.poses import pose_at
+from ...models.geometry.regions import box, contains
 from ...models.radar.multibeam import BaseStation, reference_echo
 from ...models.records import Array, Scan, Sensor, Stream
-from ...models.regions import box, contains
 from .frames import STAMP
 from .kernels.compiled import fusion as compiled_fusion
 from .kernels.fusion import Pixels, Table, table

@@ -13,8 +13,8 @@ import numpy as np
 
 from ...models.radar.detection import polar
 from ...models.records import Array
-from .sensing import Look
-from .targets import appeared
+from .model.sensing import Look
+from .model.targets import appeared
 
 CELLS = 24
 """Cells from a sensor to the end of its view."""

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+from ...models.geometry.regions import polygons
 from ...models.parameters import parameter
 from ...models.records import Array, Recording
-from ...models.regions import polygons
-from .sensing import SensorParams
+from .model.sensing import SensorParams
+from .model.targets import TargetParams, settled
 from .source import Nothing, Source
 from .streams import per_stream
-from .targets import TargetParams, settled
 
 
 # Without slots: classes that have some cannot be composed.

@@ -19,17 +19,17 @@ from math import inf
 import numpy as np
 
 from ...models.errors import InputError
+from ...models.geometry.regions import mass
 from ...models.records import Array, Estimates, Objects, Recording, Scan
-from ...models.regions import mass
 from ..kernels.passes import smoothed
 from .context import Context
-from .edge import detection_probability
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.gaussians import falling
 from .kernels.paths import Paths, back
 from .kernels.smoothing import Epoch, ended, smooth
 from .mbm_filter import Params, State, init, predict, reduce, update
-from .sensing import (
+from .model.edge import detection_probability
+from .model.sensing import (
     UNKNOWN,
     Look,
     SensorParams,
@@ -39,7 +39,7 @@ from .sensing import (
     positions,
     spread,
 )
-from .targets import NAMES, UNITS, Interval, appeared, born
+from .model.targets import NAMES, UNITS, Interval, appeared, born
 from .times import observe, remember, through
 
 

@@ -13,7 +13,6 @@ from ...models.parameters import parameter
 from ...models.records import Array
 from .context import FilterParams
 from .cuts import Cut
-from .edge import detection_probability, unseen
 from .kernels import births
 from .kernels.bernoulli import (
     TINY,
@@ -31,8 +30,9 @@ from .kernels.bernoulli import newborn as begun
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
-from .sensing import Look, SensorParams, innovations, log_likelihood, positions, updated
-from .targets import Interval, elapse, limit, newborn
+from .model.edge import detection_probability, unseen
+from .model.sensing import Look, SensorParams, innovations, log_likelihood, positions, updated
+from .model.targets import Interval, elapse, limit, newborn
 from .times import Memory
 from .trails import TrailParams
 

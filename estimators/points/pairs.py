@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from ...models.records import Array
 from .kernels.compiled import gaussians
 from .kernels.compiled.pairs import log_likelihood
-from .sensing import Look, expected, positions
+from .model.sensing import Look, expected, positions
 
 MOST = 1 << 22
 """Pairs of a look that are compared, those of the nearest detections of each target."""

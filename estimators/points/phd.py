@@ -14,14 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.errors import EstimatorError
+from ...models.geometry.regions import statistics
 from ...models.records import Array, Estimates, Objects, Recording, Scan
-from ...models.regions import statistics
 from .context import Context
 from .kernels.gaussians import strongest
+from .model.sensing import at_once
+from .model.targets import NAMES, UNITS, born
 from .phd_filter import Params, State, extract, init, predict, reduce
 from .phd_update import Posterior, update
-from .sensing import at_once
-from .targets import NAMES, UNITS, born
 from .times import observe, remember, through
 
 

@@ -16,7 +16,7 @@ from .cuts import Cut
 from .kernels import births
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
-from .targets import Interval, TargetParams, elapse, limit, newborn
+from .model.targets import Interval, TargetParams, elapse, limit, newborn
 from .times import Memory
 
 CROWD = 5000

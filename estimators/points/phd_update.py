@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models.records import Array
-from .edge import Border, detection_probability
 from .kernels.association import marginals
 from .kernels.bernoulli import TINY
+from .model.edge import Border, detection_probability
+from .model.sensing import Look, SensorParams, innovations, log_likelihood, updated
 from .phd_filter import Mixture, Params
-from .sensing import Look, SensorParams, innovations, log_likelihood, updated
 
 SURE = 1e-12
 """Least probability that a target is missed."""

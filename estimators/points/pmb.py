@@ -14,13 +14,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...models.geometry.regions import mass
 from ...models.records import Array, Estimates, Objects, Recording, Scan
-from ...models.regions import mass
 from ..kernels.passes import smoothed
 from .context import Context
+from .model.sensing import at_once
+from .model.targets import NAMES, UNITS, Interval
 from .pmb_filter import Params, State, Tracks, init, predict, reduce, update
-from .sensing import at_once
-from .targets import NAMES, UNITS, Interval
 from .times import observe, remember, through
 from .trails import Trail, back
 

@@ -15,16 +15,16 @@ from ...models.records import Array
 from .backlog import Backlog
 from .context import FilterParams
 from .cuts import Cut
-from .edge import Border, detection_probability
 from .kernels import births
 from .kernels.compiled import gaussians
 from .kernels.compiled.association import marginals
 from .kernels.compiled.pairs import matched
 from .kernels.gaussians import falling, strongest
+from .model.edge import Border, detection_probability
+from .model.sensing import UNKNOWN, Look, SensorParams, positions
+from .model.targets import VAGUE, Interval, elapse, newborn
 from .modes import ModeParams, Modes, Way, initial, transitions
 from .pairs import Pairs, near
-from .sensing import UNKNOWN, Look, SensorParams, positions
-from .targets import VAGUE, Interval, elapse, newborn
 from .times import Memory
 from .trails import TrailParams
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 from ...models import parameters
 from ...models.parameters import Layer, resolved_by_stream
 from ...models.records import Recording
-from .sensing import STREAMS, SensorParams
+from .model.sensing import STREAMS, SensorParams
 from .source import MADE
 
 OF_ONE = tuple(f.name for f in fields(SensorParams) if f.name != "sensors")

@@ -12,12 +12,12 @@ from itertools import groupby
 from typing import Any, Protocol, TypeVar
 
 from ...models.records import Array, Scan
-from .clutter_map import Maps, learnt, persistent
 from .context import Context
 from .cuts import Cut, Told
-from .sensing import Look, SensorParams, count, looks
+from .model.clutter_map import Maps, learnt, persistent
+from .model.sensing import Look, SensorParams, count, looks
+from .model.targets import within
 from .source import Classes, Sight, recognised
-from .targets import within
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,8 +16,8 @@ import numpy as np
 
 from ...models.columns import ACTIVE, TDOA
 from ...models.errors import InputError
+from ...models.geometry.poses import pose_at
 from ...models.motion import constant_velocity, motion_noise
-from ...models.poses import pose_at
 from ...models.records import Array, Recording, Stream
 from ...models.uwb import Region, free_space_amplitude, range_std
 from .information import covariance_bounds, information

@@ -27,9 +27,9 @@ from scipy.linalg import block_diag
 
 from ...models.columns import ACTIVE, PASSIVE, TDOA
 from ...models.errors import InputError
+from ...models.geometry.poses import pose_at
 from ...models.motion import constant_velocity, motion_noise, walk_std
 from ...models.parameters import parameter, require
-from ...models.poses import pose_at
 from ...models.records import Array, Estimates, Recording, Scores, Stream
 from ...models.uwb import Region, free_space_amplitude, range_std
 from ..kit.alignment import ScoredObject, interpolate, seconds

@@ -81,7 +81,8 @@ def assign(pairs: CandidatePairs, gain: Array) -> Array:
 def matched(pairs: CandidatePairs, order: float, cutoff: float, steps: int) -> tuple[Array, Array]:
     """Sum of ``distance ** order`` over an optimal assignment, and its pairs, per step (n,) each.
 
-    Optimal for :mod:`.ospa` and for :mod:`.gospa`: a pair gains ``cutoff ** order`` less its own.
+    Optimal for OSPA and for GOSPA (:mod:`..distances`): a pair gains ``cutoff ** order`` less its
+    own.
     """
     power = pairs.distance**order
     chosen = assign(pairs, cutoff**order - power)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...models.errors import InputError
-from ...models.extent import from_axes, squared_wasserstein
+from ...models.geometry.extent import from_axes, squared_wasserstein
 from ...models.records import Array, Objects
 from .alignment import AlignedTrack
 

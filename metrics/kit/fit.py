@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...models.errors import InputError
-from ...models.poses import Placement
+from ...models.geometry.poses import Placement
 from ...models.records import Array, Objects
 
 SHIFT = 10.0

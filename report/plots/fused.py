@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from ...models.poses import pose_at
+from ...models.geometry.poses import pose_at
 from ...models.records import Array, Recording, Stream
 from . import places
 from .clock import moment

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ...models.errors import ParameterError
-from ...models.extent import in_plane
-from ...models.poses import pose_at, rotation
+from ...models.geometry.extent import in_plane
+from ...models.geometry.poses import pose_at, rotation
+from ...models.geometry.regions import polygon
 from ...models.radar.detection import View
 from ...models.records import Array, Estimates, Making, Objects, Recording, Stream
-from ...models.regions import polygon
 from .protocol import Selection
 
 RADARS = ("position", "range_bearing")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...models.errors import InputError
-from ...models.poses import pose_at
+from ...models.geometry.poses import pose_at
 from ...models.records import Array, Recording, Stream
 from . import places
 from .clock import moment

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from echoset.campaign.batch import makefile
-from echoset.campaign.outputs import Target
+from echoset.campaign.files.outputs import Target
 from echoset.models.errors import ParameterError
 
 

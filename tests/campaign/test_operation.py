@@ -238,7 +238,7 @@ def test_pipes_of_a_shell(rec, tmp_path):
 
 
 def test_pipe_that_nobody_writes_to(run, tmp_path, monkeypatch):
-    monkeypatch.setattr("echoset.campaign.inputs._PATIENCE", 0.1)
+    monkeypatch.setattr("echoset.campaign.files.inputs._PATIENCE", 0.1)
     os.mkfifo(tmp_path / "fifo")
     for command in ("info", "validate", "report"):
         refused(run(command, tmp_path / "fifo"), 4, "nobody writes to")

@@ -16,7 +16,7 @@ import pytest
 
 from echoset import formats
 from echoset.campaign.estimate import Task
-from echoset.campaign.outputs import Existing, plan
+from echoset.campaign.files.outputs import Existing, plan
 from echoset.estimators.run import Estimation
 from echoset.formats import provenance, weights
 from echoset.models.errors import FormatError, OutputError

@@ -24,8 +24,7 @@ import zstandard
 from mcap.writer import CompressionType, Writer
 
 from echoset import formats
-from echoset.formats import leaves, weights
-from echoset.formats import scores as scores
+from echoset.formats import leaves, scores, weights
 from echoset.formats.importers import autoferry, labyrinth
 from echoset.formats.mcap.container import HEADER
 from echoset.models import plain_yaml

@@ -124,7 +124,7 @@ STREAMS = {
     r"row_offset\[2\]: 1 is out of order": {"row_offset": np.array([0, 2, 1, 3])},
     r"rows/distance: has shape \(3,\), needs \(4,\)": {"row_offset": np.array([0, 2, 2, 4])},
     "rows: must be a group": {"rows": np.zeros(3)},
-    "rows/rcs: not a known row column": {"rows": {**rows, "rcs": np.zeros(3)}},
+    "rows/colour: not a known row column": {"rows": {**rows, "colour": np.zeros(3)}},
     "rows/tx: not a known row column": {"rows": {**rows, "tx": scan["tx"]}},
     "scan/distance: not a known scan": {"scan": {**scan, "distance": np.zeros(3)}},
     "column 'mode' is missing": {"scan": {k: scan[k] for k in ("tx", "rx")}},
@@ -135,8 +135,8 @@ STREAMS = {
     "distance: has type float32": {"rows": {"distance": np.zeros(3, np.float32)}},
     "distance: must be an array, not list": {"rows": {"distance": [1.0, 2.0, 3.0]}},
     r"origin_x\[1\]: inf": {"rows": {**rows, "origin_x": changed(rows["origin_x"], 1, np.inf)}},
-    r"mode\[1\]: 2 is not a code \(0 active": {
-        "scan": {**scan, "mode": changed(scan["mode"], 1, 2)}
+    r"mode\[1\]: 3 is not a code \(0 active": {
+        "scan": {**scan, "mode": changed(scan["mode"], 1, 3)}
     },
     r"tx\[2\]: -1 is negative": {"scan": {**scan, "tx": changed(scan["tx"], 2, -1)}},
     r"rx\[1\]: 3 is not one of 3 nodes": {"scan": {**scan, "rx": changed(scan["rx"], 1, 3)}},

@@ -11,7 +11,7 @@ import pytest
 
 from echoset import formats
 from echoset.cli.main import main
-from echoset.models.poses import yaw_quaternion
+from echoset.models.geometry.poses import yaw_quaternion
 from echoset.models.records import Meta, Objects, Recording, Sensor, Stream, Truth
 
 SECOND = 10**9

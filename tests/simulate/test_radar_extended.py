@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from echoset.formats import read, write
-from echoset.models import extent
 from echoset.models.checks import check
 from echoset.models.errors import ParameterError
+from echoset.models.geometry import extent
 from echoset.models.parameters import resolve
 from echoset.models.radar import ofdm
 from echoset.models.records import Recording

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from echoset.campaign.scenarios import find
+from echoset.models.geometry.poses import yaw_quaternion
 from echoset.models.parameters import resolve
-from echoset.models.poses import yaw_quaternion
 from echoset.models.records import Meta, Recording, Sensor, Stream, Truth
 from echoset.simulate import jsc, spectral
 

@@ -9,7 +9,7 @@ from echoset.estimators.gsncp import di_gsncp, oracle
 from echoset.estimators.gsncp.chain import put, run, table
 from echoset.estimators.gsncp.kernels import posterior as gsncp
 from echoset.estimators.gsncp.kernels.chains import effective_sample_size
-from echoset.metrics import ospa_gw
+from echoset.metrics.distances import ospa_gw
 from echoset.models.parameters import resolve, sensor_model
 from echoset.models.random import generator
 from echoset.models.records import Estimates, Meta

@@ -9,7 +9,7 @@ import pytest
 
 from echoset.estimators import mbm, phd
 from echoset.formats.importers import autoferry
-from echoset.metrics.gospa import METRIC, gospa
+from echoset.metrics.distances.gospa import METRIC, gospa
 from echoset.metrics.kit.sets import sets
 from echoset.models.parameters import resolve
 from echoset.models.random import generator

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from echoset.estimators.points import phd
-from echoset.estimators.points.sensing import look
+from echoset.estimators.points.model.sensing import look
+from echoset.models.geometry.regions import contains, polygons
 from echoset.models.parameters import resolve, sensor_model
 from echoset.models.random import generator
-from echoset.models.regions import contains, polygons
 from echoset.simulate import many
 
 pytestmark = pytest.mark.verification

@@ -16,9 +16,9 @@ import numpy as np
 
 from ....models.errors import EstimatorError, InputError
 from ....models.records import Array, Estimates, Recording, Scan
+from ..cloud.start import MARGIN
 from ..links import Network, network
 from ..odometry import odometry_of
-from ..start import MARGIN
 from ..state import Height, first_height
 from .body import offsets
 from .choose import Explanation, choose, explanations

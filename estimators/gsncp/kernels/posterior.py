@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....models import extent
-from ....models.grids import Grid
+from ....models.geometry import extent
+from ....models.geometry.grids import Grid
 from ....models.radar.ofdm import resolved
 from ....models.records import Array
 

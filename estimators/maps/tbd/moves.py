@@ -14,17 +14,7 @@ import numpy as np
 from ....models.records import Array
 from .params import Params
 from .scene import View, windows
-from .targets import (
-    OFFSETS,
-    PEDESTRIAN,
-    REACH,
-    VEHICLE,
-    Targets,
-    correct,
-    jumped,
-    prior,
-    vector,
-)
+from .targets import OFFSETS, PEDESTRIAN, REACH, VEHICLE, Targets, correct, jumped, prior, vector
 
 HEADINGS, TRIED = 12, 2
 """Headings of a vehicle in half a turn, and how many of the best of a class are refined."""

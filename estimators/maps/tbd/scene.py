@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ....models.errors import InputError
-from ....models.poses import pose_at
+from ....models.geometry.poses import pose_at
 from ....models.radar.multibeam import BaseStation, reference_echo
 from ....models.radar.ofdm import LIGHT
 from ....models.records import Array, Recording, Scan

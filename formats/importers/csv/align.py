@@ -20,7 +20,7 @@ import numpy as np
 
 from ....models.columns import ACTIVE
 from ....models.errors import InputError
-from ....models.poses import FITS, Placement
+from ....models.geometry.poses import FITS, Placement
 from ....models.records import Array, Sensor, Stream, Truth
 
 MODES = ("", *FITS)

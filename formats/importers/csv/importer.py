@@ -27,8 +27,8 @@ import numpy as np
 
 from ....models.checks import NAME, check
 from ....models.errors import InputError, ParameterError
+from ....models.geometry.poses import said
 from ....models.parameters import parameter, require, suggestion
-from ....models.poses import said
 from ....models.records import Meta, Recording, Sensor, Stream
 from ....models.registry import parameters
 from ..text import TextFile

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ....models.columns import ACTIVE
-from ....models.poses import pose_at
+from ....models.geometry.poses import pose_at
 from ....models.records import Array, Sensor, Stream, Truth
 from .log import Log
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ....models.errors import FormatError
-from ....models.poses import slerp
+from ....models.geometry.poses import slerp
 from ....models.records import Array, Sensor
 
 FIXED = ("map", "odom", "world", "earth")

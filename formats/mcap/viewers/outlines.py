@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ....models.poses import rotation
+from ....models.geometry.poses import rotation
 from ....models.records import Array, Objects
 from ..tables import point_cloud
 from .shapes import COLOURS, half_turn, places

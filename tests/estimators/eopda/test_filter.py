@@ -12,10 +12,10 @@ import yaml
 from echoset.estimators.eopda import ap_pda
 from echoset.estimators.eopda import geo as eopda_geo
 from echoset.estimators.eopda import ideal as eopda_ideal
+from echoset.estimators.eopda.cloud.resampling import normalise
 from echoset.estimators.eopda.extract import extract
 from echoset.estimators.eopda.filter import predict, reduce, turn
 from echoset.estimators.eopda.links import Links
-from echoset.estimators.eopda.resampling import normalise
 from echoset.estimators.eopda.state import Height, State
 from echoset.estimators.eopda.weighing import weigh_active
 from echoset.models.checks import check

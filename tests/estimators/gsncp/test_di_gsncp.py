@@ -15,10 +15,10 @@ from echoset.estimators.gsncp.kernels.compiled import posterior as compiled
 from echoset.estimators.gsncp.output import Labels
 from echoset.estimators.gsncp.scene import epochs, grid
 from echoset.formats.windows import concatenate
-from echoset.metrics import ospa_gw
-from echoset.models import extent
+from echoset.metrics.distances import ospa_gw
 from echoset.models.checks import check, check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
+from echoset.models.geometry import extent
 from echoset.models.parameters import resolve, sensor_model
 from echoset.models.radar import ofdm
 from echoset.models.records import Estimates, Meta, Objects, Recording, Sensor, Stream, Truth

@@ -14,7 +14,7 @@ from echoset.estimators.gsncp.kernels.chains import effective_sample_size
 from echoset.estimators.gsncp.kernels.compiled import moves as compiled_moves
 from echoset.estimators.gsncp.kernels.compiled import posterior as compiled
 from echoset.estimators.gsncp.kernels.posterior import NORMALS, UNIFORMS, Births, Scene
-from echoset.models.grids import Grid
+from echoset.models.geometry.grids import Grid
 from echoset.models.radar import ofdm
 from echoset.simulate import radar_extended
 

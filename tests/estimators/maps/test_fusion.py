@@ -7,7 +7,7 @@ from echoset.estimators.maps.detector import Station
 from echoset.estimators.maps.kernels import cnn, fusion
 from echoset.estimators.maps.kernels.compiled import fusion as compiled
 from echoset.estimators.maps.kernels.fusion import Pixels
-from echoset.models.poses import yaw_quaternion
+from echoset.models.geometry.poses import yaw_quaternion
 from echoset.models.records import Sensor
 
 RANGE, AZIMUTH = 20 + np.arange(120) * 0.5, np.deg2rad(np.arange(-60, 61, 3.0))

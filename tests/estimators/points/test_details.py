@@ -8,11 +8,11 @@ from scipy.stats import norm
 
 from echoset.estimators.points import mbm, phd
 from echoset.estimators.points.kernels import bernoulli
-from echoset.estimators.points.sensing import SensorParams, look
+from echoset.estimators.points.model.sensing import SensorParams, look
 from echoset.models.errors import InputError, ParameterError
+from echoset.models.geometry.regions import polygons
 from echoset.models.parameters import resolve
 from echoset.models.records import Scan, Sensor
-from echoset.models.regions import polygons
 
 MODEL = {
     "p_detect": 0.9,

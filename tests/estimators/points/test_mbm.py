@@ -14,8 +14,8 @@ from echoset.estimators.points.kernels.compiled import bernoulli as compiled
 from echoset.estimators.points.kernels.smoothing import Epoch, smooth
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
+from echoset.models.geometry.poses import yaw_quaternion
 from echoset.models.parameters import resolve
-from echoset.models.poses import yaw_quaternion
 from echoset.models.records import Sensor
 
 BIRTHS = (

@@ -12,8 +12,8 @@ from echoset.estimators.points.kernels import association
 from echoset.estimators.points.kernels import pairs as definition
 from echoset.estimators.points.kernels.compiled import association as compiled_association
 from echoset.estimators.points.kernels.compiled import pairs as compiled
-from echoset.estimators.points.sensing import Look, Part, innovations, log_likelihood
-from echoset.estimators.points.targets import TargetParams, within
+from echoset.estimators.points.model.sensing import Look, Part, innovations, log_likelihood
+from echoset.estimators.points.model.targets import TargetParams, within
 from echoset.models.radar.detection import View
 
 PERIOD = np.array([0.0, 2 * np.pi])

@@ -10,13 +10,13 @@ from scipy.stats import multivariate_normal
 
 from echoset.estimators.points import phd
 from echoset.estimators.points.context import Context
+from echoset.estimators.points.model.sensing import expected, look
 from echoset.estimators.points.phd_filter import Mixture
-from echoset.estimators.points.sensing import expected, look
 from echoset.estimators.points.streams import per_stream, resolved
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
+from echoset.models.geometry.poses import yaw_quaternion
 from echoset.models.parameters import resolve, sensor_model
-from echoset.models.poses import yaw_quaternion
 from echoset.models.records import Sensor, Stream
 
 BIRTH = (0.1, 50.0, 50.0, 0.0, 0.0, 40.0, 40.0, 3.0, 3.0)

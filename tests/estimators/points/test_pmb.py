@@ -10,14 +10,14 @@ from scipy.stats import multivariate_normal
 
 from echoset.estimators.points import pmb, pmb_filter
 from echoset.estimators.points.backlog import Backlog
+from echoset.estimators.points.model.sensing import Look
 from echoset.estimators.points.pmb_filter import Tracks
-from echoset.estimators.points.sensing import Look
 from echoset.estimators.points.source import Nothing
 from echoset.models import registry
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError, ParameterError
+from echoset.models.geometry.poses import yaw_quaternion
 from echoset.models.parameters import resolve
-from echoset.models.poses import yaw_quaternion
 from echoset.models.radar.detection import View
 from echoset.models.records import Sensor
 

@@ -8,7 +8,13 @@ from scipy.stats import chi2
 
 from echoset.estimators.points import mbm, phd
 from echoset.estimators.points.context import Context
-from echoset.estimators.points.targets import Interval, TargetParams, elapse, newborn, settled
+from echoset.estimators.points.model.targets import (
+    Interval,
+    TargetParams,
+    elapse,
+    newborn,
+    settled,
+)
 from echoset.models.motion import white_acceleration
 
 SECOND = 10**9

@@ -12,7 +12,7 @@ import pytest
 from echoset import formats
 from echoset.formats.importers.csv import importer as csv
 from echoset.models.errors import FormatError, ParameterError
-from echoset.models.poses import pose_at
+from echoset.models.geometry.poses import pose_at
 from echoset.models.records import Recording
 
 BODY = {

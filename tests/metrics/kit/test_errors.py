@@ -12,7 +12,7 @@ from echoset.metrics import cdf, nees, rmse
 from echoset.metrics.kit.alignment import ScoredObject, interpolate, pairs
 from echoset.metrics.kit.bootstrap import block_stderr, block_weights
 from echoset.models.errors import InputError, ParameterError
-from echoset.models.extent import from_axes, squared_wasserstein
+from echoset.models.geometry.extent import from_axes, squared_wasserstein
 from echoset.models.parameters import resolve
 from echoset.models.records import Estimates, Recording, Scores, Truth
 

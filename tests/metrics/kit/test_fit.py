@@ -9,7 +9,7 @@ import pytest
 
 from echoset.metrics.kit.fit import fit, gain, track
 from echoset.models.errors import InputError
-from echoset.models.poses import Placement
+from echoset.models.geometry.poses import Placement
 from echoset.models.records import Objects
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from echoset.models.geometry.regions import area
 from echoset.models.radar.detection import View, polar
-from echoset.models.regions import area
 
 
 def test_a_view_across_the_back():

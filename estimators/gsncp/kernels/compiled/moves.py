@@ -33,7 +33,7 @@ from ..posterior import (
     Births,
     Scene,
     State,
-)  # fmt: skip
+)
 from .posterior import bisect, column, log_change, log_posterior, put, refresh, span
 
 _NONE = -1

@@ -1,0 +1,1 @@
+"""What every filter of points assumes: of targets, of detections, of clutter, of the view."""

@@ -1,0 +1,1 @@
+"""Places and shapes: poses of sensors, regions, extents of objects, grids."""
