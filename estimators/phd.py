@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from ..models.parameters import Layer
 from ..models.records import Estimates, Recording, Scan
-from .maps.choice import with_default
-from .maps.detector import Chain, files
-from .maps.params import MAPS, MapParams
-from .points import phd_filter, streams
-from .points.context import Context
-from .points.model import sensing
+from . import joined
+from .joined import STREAMS, JoinedParams, context, files
+from .points import phd_filter
 from .points.phd import run
 from .presets import Presets
 
@@ -30,41 +27,19 @@ __all__ = [
     "run",
 ]
 SUMMARY = "Gaussian-mixture PHD filter of detections or range-angle maps, with regions"
-STREAMS = (*sensing.STREAMS, MAPS)
 PRESETS = Presets("echoset.estimators.points", "phd")
 
 
 @dataclass(frozen=True)
-class Params(MapParams, phd_filter.Params):
+class Params(JoinedParams, phd_filter.Params):
     """The filter's, and the way from maps to detections."""
 
     def __post_init__(self) -> None:
         phd_filter.Params.__post_init__(self)
-        MapParams.__post_init__(self)
+        JoinedParams.__post_init__(self)
 
 
-def resolved(
-    cls: type[Params], setup: Recording, stated: Sequence[Layer], layers: Sequence[Layer]
-) -> Params:
-    """The parameters of a recording; for maps by the preset ``tuned`` where none is given.
-
-    Raises
-    ------
-    ParameterError : ``sensors`` names no stream, or what does not hold for single streams
-    InputError : a parameter that has no default is not known for a stream
-    """
-    layers = with_default(setup, stated, layers, PRESETS["tuned"])
-    return streams.resolved(cls, setup, stated, layers)
-
-
-def context(setup: Recording, params: Params) -> Context[Params]:
-    """What stays for a recording.
-
-    Raises
-    ------
-    InputError : fewer streams of maps than are to be fused; weights missing or damaged
-    """
-    return Context.of(setup, params, Chain.of(setup, params))
+resolved = partial(joined.resolved, PRESETS)
 
 
 def estimate(
