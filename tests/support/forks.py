@@ -12,6 +12,7 @@ import subprocess
 import sys
 import traceback
 import warnings
+from collections.abc import Callable, Mapping, Sequence
 from multiprocessing import resource_tracker
 from typing import Any
 
@@ -19,40 +20,40 @@ from echoset.cli.main import main
 
 
 class Forked(subprocess.Popen[bytes]):
-    """A process of ``echoset`` with the words ``args``; else like one that is started."""
+    """A process of ``echoset`` with the words ``args``; else like one that is started.
 
-    def _execute_child(self, args: Any, _: Any, preexec_fn: Any, *rest: Any) -> None:
-        (cwd, env), pipes, session = rest[2:4], rest[7:13], rest[18]
+    The command is done by what runs in the child before a program would be executed; none is.
+    """
+
+    def __init__(
+        self,
+        args: Sequence[str | bytes],
+        *,
+        env: Mapping[str, str] | None = None,
+        preexec_fn: Callable[[], object] | None = None,
+        **how: Any,
+    ) -> None:
+        def child() -> None:
+            code = 1
+            try:
+                os.closerange(3, 1024)  # the parent waits until its end of a pipe here is closed
+                if env is not None and env is not os.environ:
+                    os.environ.clear()
+                    os.environ.update(env)
+                _as_at_start()
+                if preexec_fn is not None:
+                    preexec_fn()
+                code = main([os.fsdecode(word) for word in args])
+                for stream in (sys.stdout, sys.stderr):
+                    stream.flush()
+            except BaseException:
+                traceback.print_exc()
+            finally:
+                os._exit(code)
+
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of threads that the tests may have
-            pid = os.fork()
-        if pid:
-            self.pid, self._child_created = pid, True
-            self._close_pipe_fds(*pipes)
-            return
-        code = 1
-        try:
-            for target, source in enumerate((pipes[0], pipes[3], pipes[5])):
-                if source >= 0:
-                    os.dup2(source, target)
-            os.closerange(3, 1024)
-            if session:
-                os.setsid()
-            if cwd is not None:
-                os.chdir(cwd)
-            if env is not None and env is not os.environ:
-                os.environ.clear()
-                os.environ.update(env)
-            _as_at_start()
-            if preexec_fn is not None:
-                preexec_fn()
-            code = main([os.fsdecode(word) for word in args])
-            for stream in (sys.stdout, sys.stderr):
-                stream.flush()
-        except BaseException:
-            traceback.print_exc()
-        finally:
-            os._exit(code)
+            super().__init__([sys.executable, *args], preexec_fn=child, **how)
 
 
 def _as_at_start() -> None:
@@ -65,6 +66,8 @@ def _as_at_start() -> None:
         setattr(sys, f"__{name}__", stream)
     for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):
         signal.signal(number, signal.SIG_DFL)
+    for number in (signal.SIGPIPE, signal.SIGXFSZ):
+        signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     warnings.resetwarnings()
     warnings.simplefilter("ignore", DeprecationWarning)
