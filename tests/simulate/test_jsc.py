@@ -13,7 +13,7 @@ from echoset.models.errors import ParameterError
 from echoset.models.parameters import resolve
 from echoset.models.radar.multibeam import BaseStation, Echoes, beamformer, steering
 from echoset.models.random import generator
-from echoset.simulate import jsc, spectral, waveform
+from echoset.simulate import jsc, spectral, traffic, waveform
 from echoset.simulate.compiled.spectral import strongest_columns
 from echoset.simulate.traffic import gap
 
@@ -273,6 +273,7 @@ def test_impossible_scene(values: dict[str, object], message: str) -> None:
         params(**values)
 
 
-def test_no_room() -> None:
+def test_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(traffic, "_ROUNDS", 2)
     with pytest.raises(ParameterError, match="no room"):
         jsc.simulate(params(scans=2, clearance=30.0), generator(1, "a", "b"), "r")
