@@ -146,14 +146,20 @@ def timestamp(time_ns: int) -> Timestamp:
     return Timestamp(seconds=time_ns // 10**9, nanos=time_ns % 10**9)
 
 
+def drawn(values: Array) -> Array:
+    """Values as viewers draw them, in single precision; what exceeds it is infinitely far."""
+    with np.errstate(over="ignore"):
+        return values.astype("<f4")
+
+
 def _encode_points(rows: Mapping[str, Array], frame: str, time_ns: int) -> bytes:
     columns = dict(rows)
     if "range" in rows:
         elevation = rows.get("elevation", np.zeros_like(rows["range"]))
         ground = rows["range"] * np.cos(elevation)
-        columns["x"] = (ground * np.cos(rows["azimuth"])).astype("f4")
-        columns["y"] = (ground * np.sin(rows["azimuth"])).astype("f4")
-        columns["z"] = (rows["range"] * np.sin(elevation)).astype("f4")
+        columns["x"] = drawn(ground * np.cos(rows["azimuth"]))
+        columns["y"] = drawn(ground * np.sin(rows["azimuth"]))
+        columns["z"] = drawn(rows["range"] * np.sin(elevation))
     columns.setdefault("z", np.zeros(len(columns["x"]), "f4"))
     return point_cloud(columns, frame, time_ns)
 
@@ -187,7 +193,7 @@ def _encode_grid(power: Array, frame: str, time_ns: int) -> bytes:
         row_stride=4 * columns,
         cell_stride=4,
         fields=[PackedElementField(name="power", offset=0, type=_POINT_TYPES["f4"])],
-        data=np.ascontiguousarray(power, "<f4").tobytes(),
+        data=drawn(np.ascontiguousarray(power)).tobytes(),
     )
     grid.pose.orientation.w = grid.cell_size.x = grid.cell_size.y = 1.0
     return serialize(grid)

@@ -54,6 +54,17 @@ def test_there_and_back_gives_equal_bytes(tmp_path: Path, name: str):
                 np.testing.assert_array_equal(scan.rows[key], values)
 
 
+def test_places_beyond_single_precision_are_kept_though_no_viewer_draws_them(tmp_path: Path):
+    recording = make("moving-platform")
+    (name, stream), *_ = recording.streams.items()
+    rows = {**stream.rows, "range": np.full(len(stream.rows["range"]), 1e60)}
+    scan = {key: values for key, values in stream.scan.items() if not key.startswith("view_")}
+    far = replace(recording, streams={name: replace(stream, scan=scan, rows=rows)})
+    formats.write(far, tmp_path / "far.mcap", "mcap")
+    back = formats.read(tmp_path / "far.mcap")
+    assert (back.streams[name].rows["range"] == 1e60).all()
+
+
 @pytest.mark.parametrize("format", ["h5", "mcap"])
 @pytest.mark.parametrize("scans", [0, 3])
 def test_recordings_without_scans_or_detections(tmp_path: Path, format: str, scans: int):

@@ -8,7 +8,7 @@ import numpy as np
 
 from ....models.geometry.poses import rotation
 from ....models.records import Array, Objects
-from ..tables import point_cloud
+from ..tables import drawn, point_cloud
 from .shapes import COLOURS, half_turn, places
 
 _ANGLE = 2 * np.pi * np.arange(32) / 32
@@ -32,7 +32,7 @@ def clouds(objects: Objects, frame: str, kind: str) -> Iterator[tuple[int, bytes
         if objects.semi_axes is not None and "centre" in found:
             parts += [found["centre"][row] + _outline(objects, row) for row in rows]
         points = np.concatenate([np.zeros((0, 3)), *parts])
-        columns: dict[str, Array] = dict(zip("xyz", points.astype("<f4").T, strict=True))
+        columns: dict[str, Array] = dict(zip("xyz", drawn(points).T, strict=True))
         for name, value in zip(("red", "green", "blue", "alpha"), rgba, strict=True):
             columns[name] = np.full(len(points), value, "u1")
         yield t, point_cloud(columns, frame, t)
