@@ -164,7 +164,7 @@ def _optional(path: str, type: str, shape: str = "", unit: str = "", meaning: st
 
 MODEL = (
     "p_detect", "clutter_rate", "max_range", "mean_clutter", "mean_scatter", "mean_los",
-    "rms_bandwidth", "amplitude_threshold", "sigma", "range_bias_std",
+    "rms_bandwidth", "amplitude_threshold", "sigma", "range_bias_std", "doppler_max", "std_doppler",
 )  # fmt: skip
 """Entries of sensor models that are numbers and not negative."""
 
