@@ -77,7 +77,8 @@ def _table(
     text += f", {rows} rows" if rows is not None else ""
     below = f"{group}rows/", f"{group}scan/"
     columns = [p.rpartition("/")[2] for p in shapes if p.startswith(below)]
-    return f"{text}: {' '.join(columns)}" if columns else text
+    radar = found.get(f"{group}kind") in ("position", "range_bearing", "range_angle_map")
+    return f"{text}: {' '.join(columns)}" if columns and radar else text
 
 
 def _entry(name: str, text: str) -> str:
