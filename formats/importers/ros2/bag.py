@@ -21,6 +21,13 @@ _DEFINITIONS = {
     "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
     "float32 doppler_velocity\nfloat32 amplitude\n",
     "radar_msgs/msg/RadarScan": "std_msgs/Header header\nradar_msgs/RadarReturn[] returns\n",
+    "radar_msgs/msg/RadarTrack": "uint16 NO_CLASSIFICATION=0\nuint16 STATIC=1\nuint16 DYNAMIC=2\n"
+    "unique_identifier_msgs/UUID uuid\ngeometry_msgs/Point position\n"
+    "geometry_msgs/Vector3 velocity\ngeometry_msgs/Vector3 acceleration\n"
+    "geometry_msgs/Vector3 size\nuint16 classification\nfloat32[6] position_covariance\n"
+    "float32[6] velocity_covariance\nfloat32[6] acceleration_covariance\n"
+    "float32[6] size_covariance\n",
+    "radar_msgs/msg/RadarTracks": "std_msgs/Header header\nradar_msgs/RadarTrack[] tracks\n",
 }
 
 
@@ -132,6 +139,10 @@ class Bag:
         except (EchosetError, GeneratorExit):
             raise
         except Exception as error:
+            part = str(error.args[0]) if isinstance(error, KeyError) and error.args else ""
+            if "/msg/" in part and part not in self._types.fielddefs:
+                reason = f"the type {part} is not defined: tell its .msg file by definitions="
+                raise ParameterError(reason) from error
             if not self._recover:
                 where = f"message {number}"
                 raise FormatError(self.path, where, _reason(error)) from error
