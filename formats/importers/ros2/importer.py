@@ -89,7 +89,7 @@ def recognises(path: Path, head: bytes) -> bool:
 
 def listing(path: Path) -> dict[str, Any]:
     """The topics of a bag: type, messages, messages a second, and what will become of them."""
-    with Bag(path) as bag:
+    with Bag(path, prove=False) as bag:
         span = max(bag.duration * 1e-9, 1e-9)
         found = {
             t.name: {
@@ -150,7 +150,7 @@ def _provenance(bag: Bag, params: Params, content: Mapping[str, Any]) -> dict[st
         "importer": "ros2",
         "files": bag.provenance,
         "parameters": said | ({"mapping": content} if content else {}),
-    }
+    } | ({"recovered": {"messages": bag.held, "damage": bag.damage}} if bag.damage else {})
 
 
 def _tracked(path: Path, params: Params) -> Estimates:
