@@ -7,13 +7,12 @@ stand in the file, which needs no index, until the first that is damaged.
 
 from __future__ import annotations
 
-import sqlite3
 import zlib
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import zstandard
 from mcap.records import Channel, Chunk, DataEnd, Footer, Message, Schema
@@ -139,16 +138,43 @@ def _from_mcap(path: Path) -> Iterator[tuple[Kind, int, bytes]]:
 
 def _from_sqlite(path: Path) -> Iterator[tuple[Kind, int, bytes]]:
     """By the rows of the table, without its index."""
-    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True)) as database:
-        texts: dict[str, str] = {}
-        try:
-            query = "SELECT topic_type, encoded_message_definition FROM message_definitions"
-            query += " WHERE encoding = 'ros2msg'"
-            texts = dict(database.execute(query))
-        except sqlite3.DatabaseError:
-            pass  # older bags have no definitions
-        topics = database.execute("SELECT id, name, type FROM topics")
-        kinds = {i: Kind(name, kind, texts.get(kind, "")) for i, name, kind in topics}
-        query = "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
-        for topic, time, data in database.execute(query):
-            yield kinds[topic], int(time), bytes(data)
+    import apsw
+
+    class Strict(apsw.VFSFile):
+        """A file whose missing end is an error, and not zeros."""
+
+        def xRead(self, amount: int, offset: int) -> bytes:
+            data: bytes = super().xRead(amount, offset)
+            if len(data) < amount:
+                raise EOFError(f"it ends at byte {offset + len(data)}")
+            return data
+
+    class Files(apsw.VFS):
+        def __init__(self) -> None:
+            super().__init__("echoset-strict", "")
+
+        def xOpen(self, name: Any, flags: list[int]) -> apsw.VFSFile:
+            return Strict("", name, flags)
+
+    files = Files()
+    try:
+        where = f"{path.absolute().as_uri()}?immutable=1"
+        how = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
+        with closing(apsw.Connection(where, how, "echoset-strict")) as database:
+            # Without this a file that is shorter than it says is refused whole.
+            database.execute("PRAGMA writable_schema=ON")
+            yield from _rows(database)
+    finally:
+        files.unregister()
+
+
+def _rows(database: Any) -> Iterator[tuple[Kind, int, bytes]]:
+    texts: dict[str, str] = {}
+    if any(True for _ in database.execute("PRAGMA table_info(message_definitions)")):
+        query = "SELECT topic_type, encoded_message_definition FROM message_definitions"
+        texts = dict(database.execute(f"{query} WHERE encoding = 'ros2msg'"))
+    topics = database.execute("SELECT id, name, type FROM topics")
+    kinds = {i: Kind(name, kind, texts.get(kind, "")) for i, name, kind in topics}
+    query = "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
+    for topic, time, data in database.execute(query):
+        yield kinds[topic], int(time), bytes(data)
