@@ -9,6 +9,7 @@ from typing import Any, Generic, TypeVar
 from ...models.geometry.regions import polygons
 from ...models.parameters import parameter
 from ...models.records import Array, Recording
+from .model.doppler import warn_unused
 from .model.sensing import SensorParams
 from .model.targets import TargetParams, settled
 from .source import Nothing, Source
@@ -54,4 +55,6 @@ class Context(Generic[P]):
         """The context of a recording."""
         params = settled(params, setup)
         sensing = per_stream(params, setup)
+        for name, stream in sorted(setup.streams.items()):
+            warn_unused(name, stream.rows, sensing[name])
         return Context(setup, params, sensing, polygons(params.regions), source or Nothing())

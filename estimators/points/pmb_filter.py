@@ -21,7 +21,7 @@ from .kernels.compiled.association import marginals
 from .kernels.compiled.pairs import matched
 from .kernels.gaussians import falling, strongest
 from .model.edge import Border, detection_probability
-from .model.sensing import UNKNOWN, Look, SensorParams, positions
+from .model.sensing import UNKNOWN, Look, SensorParams, first, positions
 from .model.targets import VAGUE, Interval, elapse, newborn
 from .modes import ModeParams, Modes, Way, initial, transitions
 from .pairs import Pairs, near
@@ -183,10 +183,10 @@ def update(state: State, seen: Look, params: Params, own: SensorParams) -> State
     InputError : it is not known where the clutter lies
     """
     a = state.tracks
-    state, first, m_first, P_first = _first_detections(state, seen, params, own)
-    free = np.maximum(seen.clutter + first, TINY)
+    state, density, m_first, P_first = _first_detections(state, seen, params, own)
+    free = np.maximum(seen.clutter + density, TINY)
     tracks, taken, cut = _associated(a, seen, params, own, free)
-    new = np.clip(1 - taken, 0.0, 1.0) * first / free
+    new = np.clip(1 - taken, 0.0, 1.0) * density / free
     most = len(new) if params.max_births is None else params.max_births
     some = strongest(new, m_first, params.min_existence, most)
     label = state.next_label + np.arange(len(some))
@@ -284,15 +284,14 @@ def _first_detections(
     ------
     InputError : it is not known where the clutter lies
     """
-    where, R = positions(seen)
-    n = len(where)
-    m_even, P_even = np.hstack((where, np.zeros((n, 2)))), np.zeros((n, 4, 4))
-    P_even[:, :2, :2], P_even[:, 2:, 2:] = R, np.diag(np.square(params.birth_std_velocity))
+    m_even, P_even, rated = first(seen, np.array(params.birth_std_velocity))
+    n = len(m_even)
     even, backlog = np.zeros(n), state.backlog
     if params.birth == "detections" and params.birth_rate:
         if np.isnan(seen.spatial).any():
             raise InputError(UNKNOWN)
-        even = params.birth_rate * seen.p_detect * backlog.at(where) * seen.spatial
+        where = positions(seen)[0]
+        even = params.birth_rate * seen.p_detect * backlog.at(where) * seen.spatial * rated
         backlog = backlog.missed(seen)
     w, m, P = state.undetected
     if not len(w):

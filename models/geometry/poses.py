@@ -33,6 +33,26 @@ def pose_at(sensor: Sensor, time_ns: int) -> tuple[Array, Array]:
     )
 
 
+NEAR = 0.1
+"""Time [s] over which the velocity of a sensor is taken at least, so that poses may have noise."""
+
+
+def velocity_at(sensor: Sensor, time_ns: int) -> Array:
+    """Velocity (3,) [m/s] of a sensor at ``time_ns``, by its poses before and after.
+
+    Between those a step of its samples (at least 0.05 s) away to either side; zero where it is
+    constant, outside its samples.
+    """
+    t = sensor.time_ns
+    if len(t) < 2 or not t[0] <= time_ns <= t[-1]:
+        return np.zeros(3)
+    i = min(max(int(np.searchsorted(t, time_ns)), 1), len(t) - 1)
+    step = max(int(t[i] - t[i - 1]), round(NEAR / 2 * 1e9))
+    ends = max(time_ns - step, int(t[0])), min(time_ns + step, int(t[-1]))
+    a, b = (pose_at(sensor, end)[0] for end in ends)
+    return np.asarray((b - a) / (ends[1] - ends[0]) * 1e9)
+
+
 def slerp(a: Array, b: Array, share: float) -> Array:
     """Unit quaternion (4,) at ``share`` in [0, 1] of the shorter way from ``a`` to ``b``."""
     cosine = float(a @ b)
