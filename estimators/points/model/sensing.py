@@ -65,6 +65,17 @@ class SensorParams(DopplerParams):
     std_azimuth: float = parameter(
         0.0, "rad", "noise of an azimuth, where the rows state none", within="[0, 1.5708]"
     )
+    latency: float = parameter(
+        0.0,
+        "s",
+        "how long before their stamps scans were true: there estimates are, and the sensor's pose",
+        within="[0, inf)",
+    )
+    registration: tuple[float, float] = parameter(
+        (0.0, 0.0),
+        "m, rad or m",
+        "how much too large range and azimuth are, or x and y in the sensor's frame",
+    )
     max_range: float = parameter(
         0.0, "m", "end of the view where scans state none; 0: nowhere", within="[0, inf)"
     )
@@ -152,7 +163,7 @@ def look(params: SensorParams, scan: Scan, polar_rows: bool, sensor: Sensor) -> 
     position, turn = pose_at(sensor, scan.time_ns)
     p, rotation = position[:2], level(turn)
     view = View.of(scan.scan, params.max_range or inf)
-    rows, down = scan.rows, params.target_height - position[2]
+    rows, down = _registered(params, scan.rows, polar_rows), params.target_height - position[2]
     if polar_rows:
         z, slope = ground(rows, turn, down)
         R = _polar_noise(params, rows)
@@ -176,6 +187,19 @@ def look(params: SensorParams, scan: Scan, polar_rows: bool, sensor: Sensor) -> 
         polar_rows, z, R, clutter, period, p, rotation, view, p_detect, spatial, region, rates=rates
     )
     return replace(found, clutter=found.with_doppler(clutter))
+
+
+def _registered(
+    params: SensorParams, rows: Mapping[str, Array], polar_rows: bool
+) -> Mapping[str, Array]:
+    """The rows without the offsets of their sensor."""
+    if not any(params.registration):
+        return rows
+    names = ("range", "azimuth") if polar_rows else ("x", "y")
+    moved = {k: rows[k] - shift for k, shift in zip(names, params.registration, strict=True)}
+    if polar_rows:
+        moved["range"] = np.maximum(moved["range"], 0.0)
+    return {**rows, **moved}
 
 
 def level(turn: Array) -> Array:
