@@ -203,11 +203,14 @@ def resolved_by_stream(
     ParameterError : ``sensors`` names no stream, or what does not hold for single streams
     InputError : a parameter that has no default is not known for a stream
     """
-    common = resolve(cls, *layered(stated, layers))
     alike = [(source, {k: v for k, v in x.items() if k != "sensors"}) for source, x in layers]
     models = {source.split("/")[1]: (source, model) for source, model in stated}
     before, after = ([x for x in layers if is_preset(x[0]) is early] for early in (True, False))
     early, late = (_said(cls, of_one, groups, some) for some in (before, after))
+    needed = {f.name for f in dataclasses.fields(cls) if f.default is REQUIRED}
+    # What every stream is told for itself need not be told for all.
+    any_ = {k: v for x in (*early.values(), *late.values()) for k, v in x.items() if k in needed}
+    common = resolve(cls, ("sensors", any_), *layered(stated, layers))
     found = {}
     for name, streams in groups.items():
         own = [models[k] for k in streams if k in models]
