@@ -207,7 +207,7 @@ def resolved_by_stream(
     models = {source.split("/")[1]: (source, model) for source, model in stated}
     before, after = ([x for x in layers if is_preset(x[0]) is early] for early in (True, False))
     early, late = (_said(cls, of_one, groups, some) for some in (before, after))
-    needed = {f.name for f in dataclasses.fields(cls) if f.default is REQUIRED}
+    needed = _needed(cls)
     # What every stream is told for itself need not be told for all.
     any_ = {k: v for x in (*early.values(), *late.values()) for k, v in x.items() if k in needed}
     common = resolve(cls, ("sensors", any_), *layered(stated, layers))
@@ -234,6 +234,11 @@ def per_stream(params: P, names: Sequence[str]) -> dict[str, P]:
         require(isinstance(said, Mapping), f"sensors.{name}", "a mapping", said)
         found[name] = resolve(type(params), common, (f"sensors.{name}", said))
     return found
+
+
+def _needed(cls: type[Any]) -> set[str]:
+    """The parameters without a default."""
+    return {f.name for f in dataclasses.fields(cls) if f.default is REQUIRED}
 
 
 def _said(
