@@ -24,6 +24,7 @@ from ..kernels.compiled.pairs import log_likelihood as of_pairs
 from ..kernels.gaussians import innovation
 from ..source import MADE, Sight
 from . import doppler
+from .clustering import ClusterParams, clustered
 from .doppler import DopplerParams, Rates
 
 STREAMS = ("position", "range_bearing")
@@ -36,7 +37,7 @@ UNKNOWN = "where the clutter lies is not known: give clutter_region or max_range
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class SensorParams(DopplerParams):
+class SensorParams(ClusterParams, DopplerParams):
     """What is assumed about the sensors; recordings state it about theirs.
 
     What lies may be taken for clutter that persists.
@@ -313,7 +314,11 @@ def looks(
         stream = setup.streams[scan.stream]
         if stream.kind in STREAMS:
             polar_rows, sensor = stream.kind == "range_bearing", setup.sensors[stream.nodes[0]]
-            yield scan, timed(params[scan.stream], scan, polar_rows, sensor, motion)
+            own = params[scan.stream]
+            if own.cluster == "dbscan":
+                noise = (_polar_noise if polar_rows else _position_noise)(own, scan.rows)
+                scan = clustered(own, scan, polar_rows, noise)
+            yield scan, timed(own, scan, polar_rows, sensor, motion)
 
 
 def timed(
