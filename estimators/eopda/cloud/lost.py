@@ -39,11 +39,15 @@ LEAST = 3
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """The last events with their evidence [nats], and the sum of surprises [nats]."""
+    """The last events with their evidence [nats], and the sum of surprises [nats].
+
+    At ``since`` [ns] nothing was surprising for the last time: that is when a change is likeliest.
+    """
 
     recent: tuple[tuple[Event, float], ...] = ()
     total: float = 0.0
     alarm: float = ALARM
+    since: int = 0
 
     def after(self, event: Event, evidence: float, surprise: float) -> Doubt:
         """The doubt after an event."""
@@ -51,7 +55,7 @@ class Doubt:
         recent = [*recent[1 - EVENTS :], (event, evidence)]
         total = max(0.0, self.total + surprise)
         alarm = max(ALARM, self.alarm * (0.98 if total == 0 else 1.0))
-        return Doubt(tuple(recent), total, alarm)
+        return Doubt(tuple(recent), total, alarm, event.time_ns if total == 0 else self.since)
 
     @property
     def is_alarm(self) -> bool:
@@ -62,7 +66,7 @@ class Doubt:
     def found(self, odds: float) -> Doubt:
         """The doubt after a search, with the probability that the device had been lost."""
         if odds > 0.5:
-            return Doubt()
+            return Doubt(since=self.since)
         return replace(self, total=0.0, alarm=min(2 * self.alarm, MOST_ALARM))
 
 

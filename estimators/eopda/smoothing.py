@@ -1,0 +1,241 @@
+"""The way back over what a UWB filter knew: each time as all ranges see it, those to come too.
+
+Between two events everything but the ranges is linear and Gaussian: motion, walks of offset, extent
+and height, and what ranges have too much, which the particles hold as Gaussians. So what a time
+adds to the one before is linear in what the particles know of both, and the way back is that of
+Rauch, Tung and Striebel ("Maximum likelihood estimates of linear dynamic systems", AIAA Journal 3
+(1965) 1445-1450) over the moments of the clouds: the best linear smoother of them, exact where they
+are Gaussian (Sarkka, "Bayesian Filtering and Smoothing", 2013, section 10.4), in a time and a
+memory that do not grow with the number of particles. Turns of odometry are linearised over the
+spread of the heading. Where the device had been lost, what the particles believed is forgotten.
+
+A state x (d,) is the rows of a particle (:class:`~.state.State`), its heading where odometry tells,
+and what ranges have too much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import pi
+
+import numpy as np
+
+from ...models.motion import STEP, constant_velocity, motion_noise, walk_std
+from ...models.records import Array, Objects
+from .extract import extract
+from .heading import LEAST, is_told
+from .odometry import Increment
+from .params import Params
+from .state import Belief, State, Step, Target
+
+DRAWS = 600
+"""Draws by which a smoothed Gaussian is shown; their moments are its own."""
+TINY = 1e-12
+"""Variance that is added where one may be zero."""
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Record:
+    """What the way back needs of a step: mean m (d,) and covariance P (d, d) of its particles.
+
+    ``moved`` tells, where odometry does, of the time since the step before. Ranges up to ``until``
+    [ns] are in it. The filter had been lost since ``lost`` [ns], None: it had not.
+    """
+
+    time_ns: int
+    m: Array
+    P: Array
+    moved: Increment | None
+    until: int
+    lost: int | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Carried:
+    """A step's record with m and P smoothed, and those of the last step that was not of a start."""
+
+    now: Record
+    anchor: Record
+
+
+def record(step: Step, target: Target, params: Params) -> Record:
+    """The moments of a step's particles, angles about their mean on the circle."""
+    s, w = step.state, step.state.w
+    x = np.vstack((s.y, *([s.heading] if len(s.heading) else []), s.mean.T))
+    m = x @ w
+    d = x - m[:, None]
+    for k in _angles(len(s.y), len(s.heading) > 0, params):
+        m[k] = np.angle(np.exp(1j * x[k]) @ w)
+        d[k] = _wrapped(x[k] - m[k])
+    P = (w * d) @ d.T
+    D = s.mean.shape[1]
+    if D:
+        P[-D:, -D:] += np.tensordot(w, s.covariance, 1)
+    if params.has_object:
+        # what the offset walked since it was seen is not in the particles yet
+        hidden = walk_std(_offset_walks(params), s.hidden) ** 2
+        P[[4, 5], [4, 5]] += hidden
+    return Record(step.time_ns, m, (P + P.T) / 2, step.moved, step.until, step.lost)
+
+
+def smoother(
+    target: Target, params: Params, first: Belief, rng: np.random.Generator
+) -> Callable[[Carried | None, Record], tuple[Carried, Objects]]:
+    """The way back of one recording, from one record to the one before, and what is shown there."""
+    rows = 7 + len(target.extent)
+    drawn = rng.normal(size=(rows + 1 + len(first.mean), DRAWS // 2))
+    known = first.height.is_known
+
+    def backward(later: Carried | None, now: Record) -> tuple[Carried, Objects]:
+        x = back(later, now, target, params, first)
+        shown = _cloud(x.now, rows, len(first.mean), first, drawn, params)
+        return x, extract(shown, now.time_ns, target, params, known).objects
+
+    return backward
+
+
+def back(
+    later: Carried | None, now: Record, target: Target, params: Params, first: Belief
+) -> Carried:
+    """What is known of a time, given what is known of the next; None: there is none."""
+    lost = None if later is None else later.now.lost
+    if later is None or (lost is not None and now.time_ns <= lost):
+        # where it was found knows nothing of where it had been
+        return Carried(now, now)
+    rows = 7 + len(target.extent)
+    headed = len(now.m) > rows + len(first.mean)
+    if lost is not None:
+        now = _forgotten(now, lost, target, params, first)
+    elif now.time_ns < now.until:
+        # a start explains its events by one motion: what is known of its last moves back to this
+        end = later.anchor
+        age = (end.time_ns - now.time_ns) * 1e-9
+        A = np.eye(len(now.m))
+        A[[0, 1], [2, 3]] = -age
+        P = A @ end.P @ A.T
+        P[[0, 1], [0, 1]] += params.acceleration_std**2 * STEP * age**3 / 3
+        return Carried(replace(now, m=A @ end.m, P=P), end)
+    dt, moved = (later.now.time_ns - now.time_ns) * 1e-9, later.now.moved
+    ahead, A, Q = transition(now.m, now.P, dt, rows, headed, moved, target, params)
+    S = A @ now.P @ A.T + Q + TINY * np.eye(len(A))
+    G = np.linalg.solve(S, A @ now.P).T
+    change = later.now.m - ahead
+    for k in _angles(rows, headed, params):
+        change[k] = _wrapped(change[k])
+    left = np.eye(len(A)) - G @ A
+    P = left @ now.P @ left.T + G @ (Q + later.now.P) @ G.T
+    own = replace(now, m=now.m + G @ change, P=(P + P.T) / 2)
+    return Carried(own, own)
+
+
+def transition(
+    m: Array,
+    P: Array,
+    dt: float,
+    rows: int,
+    headed: bool,
+    moved: Increment | None,
+    target: Target,
+    params: Params,
+) -> tuple[Array, Array, Array]:
+    """Mean (d,) of the state ``dt`` [s] later, matrix A and noise Q (d, d) that lead there.
+
+    A state has ``rows`` of a particle and, if ``headed``, a heading.
+    """
+    A, Q = np.eye(len(m)), np.zeros_like(P)
+    k = np.arange(rows)
+    if params.has_object:
+        Q[[4, 5], [4, 5]] = walk_std(_offset_walks(params), dt) ** 2
+    Q[k[6:-1], k[6:-1]] = walk_std(target.walk(params), dt) ** 2
+    if P[rows - 1, rows - 1] > 0:
+        Q[rows - 1, rows - 1] = params.height_walk**2 * dt
+    if params.range_bias_std > 0:
+        b = np.arange(rows + headed + 1, len(m))
+        Q[b, b] = params.range_bias_walk**2 * dt
+    if not is_told(moved) or dt <= 0:
+        A[:4, :4], _ = constant_velocity(dt)
+        Q[:4, :4] = motion_noise(params.acceleration_std, dt)
+        if headed:
+            Q[rows, rows] = params.heading_walk**2 * dt
+        return A @ m, A, Q
+    variance = P[rows, rows]
+    h = m[rows] + np.sqrt(variance) * _NODES
+    w = _WEIGHTS / _WEIGHTS.sum()
+    R = np.array([[np.cos(h), -np.sin(h)], [np.sin(h), np.cos(h)]]).transpose(2, 0, 1)
+    step = R @ moved.displacement / moved.covered
+    mean = w @ step
+    slope = (w * (h - m[rows])) @ step / max(variance, TINY)
+    noise = moved.covariance + LEAST * np.eye(3)
+    d = step - mean
+    own = (w * d.T) @ d - variance * np.outer(slope, slope)
+    own += np.einsum("i,iab,bc,idc->ad", w, R, noise[:2, :2], R)
+    cross = np.tensordot(w, R, 1) @ noise[:2, 2]
+    A[2:4] = 0.0
+    A[:2, rows], A[2:4, rows] = slope, slope / dt
+    Q[:2, :2], Q[:2, 2:4], Q[2:4, :2], Q[2:4, 2:4] = own, own / dt, own / dt, own / dt**2
+    Q[:2, rows] = Q[rows, :2] = cross
+    Q[2:4, rows] = Q[rows, 2:4] = cross / dt
+    Q[rows, rows] = noise[2, 2]
+    ahead = m.copy()
+    ahead[:2] += mean
+    ahead[2:4] = mean / dt
+    ahead[rows] += moved.turn / moved.covered
+    if params.has_object:
+        ahead[5] += moved.turn
+    return ahead, A, Q
+
+
+def _forgotten(now: Record, lost: int, target: Target, params: Params, first: Belief) -> Record:
+    """The record of a time at which the device was ``lost``: as wide as at first."""
+    rows, D = 7 + len(target.extent), len(first.mean)
+    m, wide = now.m.copy(), np.full(len(now.m), pi**2 / 3)
+    wide[:2], wide[2:4], m[2:4] = float(params.max_range or 0.0) ** 2, params.speed_std**2, 0.0
+    low, high = target.prior(params)
+    wide[4] = np.ptp(params.bias_prior) ** 2 / 12
+    wide[6 : rows - 1] = (high - low) ** 2 / 12
+    h = first.height
+    wide[rows - 1] = min(h.std, h.high - h.low) ** 2
+    P = np.diag(wide)
+    if not params.has_object:
+        P[4 : rows - 1] = 0.0
+    if D:
+        m[-D:], P[-D:, -D:] = first.mean, first.covariance
+        if first.alternative is not None:
+            P[-D:, -D:] = (first.covariance + first.alternative) / 2
+    return replace(now, m=m, P=P, lost=lost)
+
+
+def _cloud(x: Record, rows: int, errors: int, first: Belief, drawn: Array, params: Params) -> State:
+    """Particles whose moments are those of ``x``, from standard normal draws (>= d, n / 2)."""
+    d = len(x.m)
+    unit = drawn[:d]
+    # antithetic, so that the mean is zero; turned and scaled, so that the covariance is one
+    root = np.linalg.cholesky(unit @ unit.T / unit.shape[1])
+    unit = np.linalg.solve(root, unit)
+    scale, axes = np.linalg.eigh(x.P)
+    spread = axes @ (np.sqrt(np.maximum(scale, 0.0))[:, None] * unit)
+    y = x.m[:, None] + np.hstack((spread, -spread))
+    n = y.shape[1]
+    own = y[:rows].copy()
+    own[4] = np.abs(own[4])
+    own[6:-1] = np.abs(own[6:-1])
+    if not first.height.is_known:
+        own[-1] = first.height.fold(own[-1])
+    heading = y[rows] if d > rows + errors else np.zeros(0)
+    mean = y[d - errors :].T
+    return State(own, np.full(n, 1 / n), mean, np.zeros((n, errors, errors)), heading=heading)
+
+
+def _offset_walks(params: Params) -> Array:
+    return np.array([params.bias_distance_std, params.bias_angle_std])
+
+
+def _angles(rows: int, headed: bool, params: Params) -> list[int]:
+    """The rows of a state that are angles."""
+    return [5] * params.has_object + [rows] * headed
+
+
+def _wrapped(angle: Array) -> Array:
+    return np.remainder(angle + pi, 2 * pi) - pi
