@@ -122,9 +122,7 @@ def test_the_file_is_where_it_is_told_and_the_way_back_is_watched(monkeypatch, t
     monkeypatch.setattr(passes, "TemporaryFile", file)
     token = passes.AROUND.set(passes.Around(tmp_path, watch))
     try:
-        found = [
-            float(e.objects.state[0, 0]) for e in smoothed(forward(range(99)), backward, np.inf)
-        ]
+        out = list(smoothed(forward(range(99)), backward, np.inf))
     finally:
         passes.AROUND.reset(token)
     assert [float(e.objects.state[0, 0]) for e in out] == [sum(range(k, 99)) for k in range(99)]
