@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from echoset.estimators.eopda import geo, position
+from echoset.estimators.eopda.cloud.images import images
 from echoset.estimators.eopda.filter import predict
 from echoset.estimators.eopda.odometry import Increment
 from echoset.estimators.eopda.smoothing import Record, back, record, smoother, transition
@@ -18,6 +19,7 @@ from echoset.models.records import Meta, Recording, Sensor, Stream
 STEP = 0.1
 BOUND = 13.8
 """99.9 % of a chi-square of two degrees of freedom."""
+ONE, ANY = np.ones(1), np.zeros(0)
 HEIGHT = Height(1.0, 0.5, 0.0, np.inf)
 BODY = geo.Params(
     max_range=20.0,
@@ -90,15 +92,15 @@ def test_gaussian_clouds_give_the_smoother():
     first = Belief(HEIGHT, np.zeros(3), np.zeros((3, 3)))
     times = np.rint(np.cumsum(dt) * 1e9).astype(int).tolist()
     records = [
-        Record(t, m, P, None, t, None)
+        Record(t, ONE, m[None], P[None], None, t, None)
         for t, (m, P) in zip(times, filtered(m0, P0, F, Q, H, R, Z), strict=True)
     ]
     expected = conditioned(m0, P0, F, Q, H, R, Z)
     later = None
     for k in reversed(range(8)):
         later = back(later, records[k], geo.CIRCLE, BODY, first)
-        np.testing.assert_allclose(later.now.m, expected[0][k], rtol=0, atol=1e-7)
-        np.testing.assert_allclose(later.now.P, expected[1][k], rtol=0, atol=1e-7)
+        np.testing.assert_allclose(later.now.m[0], expected[0][k], rtol=0, atol=1e-7)
+        np.testing.assert_allclose(later.now.P[0], expected[1][k], rtol=0, atol=1e-7)
 
 
 def test_what_is_shown_has_the_moments():
@@ -108,15 +110,12 @@ def test_what_is_shown_has_the_moments():
     m = np.array([1.0, 2.0, 0.3, 0.1, 0.0, 0.0, 1.0])
     params, first = position.Params(max_range=9.0, range_bias_std=0.0), Belief(HEIGHT, *2 * [ANY])
     way = smoother(position.DEVICE.target, params, first, rng)
-    _, shown = way(None, Record(0, m, root @ root.T, None, 0, None))
+    _, shown = way(None, Record(0, ONE, m[None], (root @ root.T)[None], None, 0, None))
     assert shown.state_names == ("x", "y", "vx", "vy", "height", "device_x", "device_y")
     np.testing.assert_allclose(shown.state[0], [1, 2, 0.3, 0.1, 1, 1, 2], rtol=0, atol=1e-9)
     kept = [0, 1, 2, 3, 6, 0, 1]
     P = (root @ root.T)[np.ix_(kept, kept)]
     np.testing.assert_allclose(shown.covariance[0], P, rtol=0, atol=1e-9)
-
-
-ANY = np.zeros(0)
 
 
 def particles(n, rng, heading=False):
@@ -141,8 +140,8 @@ def test_moments_of_a_cloud_that_is_cut_at_half_a_turn():
     P = np.cov(x, ddof=0) + np.diag([0.0] * 9 + [0.01] * 3)
     P[4, 4] += 0.02**2 * 4
     P[5, 5] += 0.03**2 * 4
-    np.testing.assert_allclose(found.m, x.mean(1), rtol=0, atol=1e-3)
-    np.testing.assert_allclose(found.P, P, rtol=0, atol=1e-3)
+    np.testing.assert_allclose(found.m[0], x.mean(1), rtol=0, atol=1e-3)
+    np.testing.assert_allclose(found.P[0], P, rtol=0, atol=1e-3)
 
 
 MOVED = Increment(
@@ -276,3 +275,39 @@ def test_the_filter_is_the_same_and_a_long_lag_is_the_whole():
     last = found["none"][0][-1], found["whole"][0][-1], found["0.5s"][0][-1]
     np.testing.assert_allclose(last[1], last[0], rtol=0, atol=1e-9)
     assert (last[1] == last[2]).all()
+
+
+def test_what_comes_later_chooses_among_images():
+    """Two anchors, and a third that is heard in the end: the mirror image goes, from the start."""
+    rng = np.random.default_rng(6)
+    t = np.arange(60) * 0.1
+    p = np.stack((1 + 0.6 * t, 2 + np.sin(t)), 1)
+    tag = ranging(p, t, CORNERS[[0, 1, 2]], 0.1, rng)
+    uwb = tag.streams["uwb"]
+    keep = np.flatnonzero((uwb.scan["rx"] < 2) | (uwb.time_ns > 5e9))
+    rows, scan = ({k: v[keep] for k, v in c.items()} for c in (uwb.rows, uwb.scan))
+    uwb = replace(
+        uwb, time_ns=uwb.time_ns[keep], row_offset=np.arange(len(keep) + 1), scan=scan, rows=rows
+    )
+    tag = replace(tag, streams={"uwb": uwb})
+    x, P, _ = run(tag, max_range=10.0)
+    assert (P[10:40, 1, 1] > 1.0).all()
+    x, P, _ = run(tag, max_range=10.0, smooth="whole")
+    assert (nees(x, P, p) > BOUND).mean() <= 0.05
+    assert np.sqrt(((x[:, :2] - p) ** 2).sum(1).mean()) < 0.1 and P[10:, 1, 1].max() < 0.1
+
+
+def test_images():
+    rng = np.random.default_rng(8)
+    w = rng.uniform(0.5, 1.5, 3000)
+    p = rng.normal(size=(2, 3000)) * [[2.0], [0.3]]
+    assert [len(own) for own in images(p, w)] == [3000]
+    assert [len(own) for own in images(np.zeros((2, 5)), np.ones(5))] == [5]
+    for share in (0.5, 0.05):
+        other = rng.random(3000) < share
+        found = images(p + np.where(other, 1.0, 0.0) * [[0.0], [40.0]], w)
+        assert sorted(map(len, found)) == sorted([other.sum(), (~other).sum()])
+    which = rng.integers(0, 4, 3000)
+    corners = np.array([[0, 0, 30, 30], [0, 40, 0, 40]])
+    found = images(p + corners[:, which], w)
+    assert sorted(len(set(which[own])) for own in found) == [1, 1, 1, 1]
