@@ -14,8 +14,8 @@ from ....models.records import Array
 
 APART = 0.15
 """Share of the variance along the axis that is left at most, where a cloud is cut."""
-LEAST = 1e-3
-"""Weight of an image."""
+LEAST, MEMBERS = 1e-3, 50
+"""Weight of an image, and its effective number of particles that differ."""
 CUTS = 2
 """Times that an image may be cut again."""
 _ROUNDS = 8
@@ -41,6 +41,14 @@ def images(p: Array, w: Array, cuts: int = CUTS) -> list[Array]:
     if share * (1 - share) * (high - low) ** 2 < (1 - APART) * variance[1]:
         return [whole]
     parts = np.flatnonzero(~right), np.flatnonzero(right)
+    if min(_members(t[part], w[part]) for part in parts) < MEMBERS:
+        return [whole]
     if cuts == 1:
         return list(parts)
     return [part[own] for part in parts for own in images(p[:, part], w[part], cuts - 1)]
+
+
+def _members(t: Array, w: Array) -> float:
+    """The effective number of particles at different places ``t``, copies counted as one."""
+    _, which = np.unique(t, return_inverse=True)
+    return float(w.sum() ** 2 / (np.bincount(which, w) ** 2).sum())

@@ -307,6 +307,8 @@ def test_images():
         other = rng.random(3000) < share
         found = images(p + np.where(other, 1.0, 0.0) * [[0.0], [40.0]], w)
         assert sorted(map(len, found)) == sorted([other.sum(), (~other).sum()])
+    copies = np.where(np.arange(3000) < 300, p[:, :1] + 40.0, p)
+    assert [len(own) for own in images(copies, w)] == [3000]
     which = rng.integers(0, 4, 3000)
     corners = np.array([[0, 0, 30, 30], [0, 40, 0, 40]])
     found = images(p + corners[:, which], w)
