@@ -211,11 +211,10 @@ def transition(
     own = (w * d.T) @ d - variance * np.outer(slope, slope)
     own += np.einsum("i,iab,bc,idc->ad", w, R, noise[:2, :2], R)
     cross = np.tensordot(w, R, 1) @ noise[:2, 2]
-    A[2:4] = 0.0
-    A[:2, rows], A[2:4, rows] = slope, slope / dt
-    Q[:2, :2], Q[:2, 2:4], Q[2:4, :2], Q[2:4, 2:4] = own, own / dt, own / dt, own / dt**2
+    # the velocity is what odometry told, which a start may not know: it tells nothing of before
+    A[2:4], A[:2, rows] = 0.0, slope
+    Q[:2, :2], Q[2:4, 2:4] = own, own / dt**2
     Q[:2, rows] = Q[rows, :2] = cross
-    Q[2:4, rows] = Q[rows, 2:4] = cross / dt
     Q[rows, rows] = noise[2, 2]
     ahead = m.copy()
     ahead[:2] += mean
@@ -227,7 +226,8 @@ def transition(
 
 
 def _forgotten(now: Record, lost: int, target: Target, params: Params, first: Belief) -> Record:
-    """The record of a time at which the device was ``lost``: as wide as at first."""
+    """The record of a time at which the device was ``lost``: as wide as at first, but the heading,
+    which is odometry's."""
     rows, D = 7 + len(target.extent), len(first.mean)
     m = now.w @ now.m
     wide = np.full(len(m), pi**2 / 3)
@@ -240,6 +240,8 @@ def _forgotten(now: Record, lost: int, target: Target, params: Params, first: Be
     P = np.diag(wide)
     if not params.has_object:
         P[4 : rows - 1] = 0.0
+    if len(m) > rows + D:
+        P[rows, rows] = now.w @ (now.P[:, rows, rows] + (now.m[:, rows] - m[rows]) ** 2)
     if D:
         m[-D:], P[-D:, -D:] = first.mean, first.covariance
         if first.alternative is not None:
