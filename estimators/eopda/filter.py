@@ -173,7 +173,8 @@ def track(
                 else:
                     steps = _begin(window, target, params, before, rng)
                 yield from steps
-                state, last, doubt = steps[-1].state, window[-1].time_ns, Doubt()
+                state, last = steps[-1].state, window[-1].time_ns
+                doubt = Doubt(since=window[0].time_ns - 1)
                 if window[-1] is event:
                     window = []
                     continue
@@ -186,9 +187,11 @@ def track(
             doubt = doubt.after(event, step.evidence, less)
             if doubt.is_alarm:
                 fresh, odds = search(doubt, target, params, first, rng)
-                doubt = doubt.found(odds)
                 if odds > LEAST_ODDS:
-                    step = step._replace(state=merge(step.state, fresh, odds, rng), anew=odds > 0.5)
+                    step = step._replace(state=merge(step.state, fresh, odds, rng))
+                if odds > 0.5:
+                    step = step._replace(anew=True, lost=doubt.since)
+                doubt = doubt.found(odds)
             yield step
             state, last = reduce(step.state, rng), event.time_ns
         except EstimatorError as error:
@@ -211,7 +214,8 @@ def _begin(
     for event, state in zip(window, states, strict=True):
         state = replace(state, heading=heading)
         own = evidence if event is window[-1] else 0.0
-        steps.append(Step(event.time_ns, state, own, _clutter(event, params), False))
+        clutter, until = _clutter(event, params), window[-1].time_ns
+        steps.append(Step(event.time_ns, state, own, clutter, False, until, event.moved))
     rates = sum(_rates(event, params) for event in window)
     last = steps[-1]
     gain = evidence - rates - sum(step.gain for step in steps)
@@ -262,7 +266,8 @@ def _step(
         states, evidence = start([event], target, params, before, rng)
         evidence -= _rates(event, params)
         state = replace(states[-1], heading=state.heading)
-    return Step(event.time_ns, state, evidence, evidence - _clutter(event, params), False), less
+    gain, now = evidence - _clutter(event, params), event.time_ns
+    return Step(now, state, evidence, gain, False, now, event.moved), less
 
 
 def _weighed(state: State, log_factor: Array) -> tuple[State, float]:

@@ -33,6 +33,28 @@ def pose_at(sensor: Sensor, time_ns: int) -> tuple[Array, Array]:
     )
 
 
+def poses_at(sensor: Sensor, time: Array) -> tuple[Array, Array]:
+    """:func:`pose_at` of many times (n,) [s]: positions (n, 3) and rotations (n, 3, 3).
+
+    Raises
+    ------
+    InputError : nobody knows where the sensor is
+    """
+    if len(sensor.time_ns) < 2:
+        q, turn = pose_at(sensor, 0)
+        return np.tile(q, (len(time), 1)), np.tile(turn, (len(time), 1, 1))
+    t = sensor.time_ns / 1e9
+    i = np.clip(np.searchsorted(t, time), 1, len(t) - 1)
+    share = np.clip((time - t[i - 1]) / (t[i] - t[i - 1]), 0.0, 1.0)
+    a, b = sensor.position[i - 1], sensor.position[i]
+    ends = zip(sensor.quaternion[i - 1], sensor.quaternion[i], share.tolist(), strict=True)
+    if (sensor.quaternion == sensor.quaternion[0]).all():
+        turn = np.tile(rotation(sensor.quaternion[0]), (len(time), 1, 1))
+    else:
+        turn = np.array([rotation(slerp(*one)) for one in ends]).reshape(-1, 3, 3)
+    return a + share[:, None] * (b - a), turn
+
+
 def velocity_at(sensor: Sensor, time_ns: int) -> Array:
     """Velocity (3,) [m/s] of a sensor in the map at ``time_ns``, as its poses tell it.
 

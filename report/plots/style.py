@@ -29,7 +29,11 @@ _LINES: tuple[tuple[str, Any, str], ...] = (
     (SKY, (0, (5, 1.2, 1, 1.2, 1, 1.2)), "P"),
 )
 _HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "----")
-_BOUNDS: tuple[tuple[str, Any], ...] = ((BLACK, "-"), (BLACK, (0, (3, 1.5))))
+_BOUNDS: tuple[tuple[str, Any], ...] = (
+    (BLACK, "-"),
+    (BLACK, (0, (3, 1.5))),
+    (BLACK, (0, (1, 1.2))),
+)
 _STYLE: Any = {
     "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial"],
     "font.size": 8,

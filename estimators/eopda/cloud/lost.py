@@ -39,11 +39,15 @@ LEAST = 3
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """The last events with their evidence [nats], and the sum of surprises [nats]."""
+    """The last events with their evidence [nats], and the sum of surprises [nats].
+
+    At ``since`` [ns] lines of sight had not surprised for the last time: a change came after it.
+    """
 
     recent: tuple[tuple[Event, float], ...] = ()
     total: float = 0.0
     alarm: float = ALARM
+    since: int = 0
 
     def after(self, event: Event, evidence: float, surprise: float) -> Doubt:
         """The doubt after an event."""
@@ -51,19 +55,25 @@ class Doubt:
         recent = [*recent[1 - EVENTS :], (event, evidence)]
         total = max(0.0, self.total + surprise)
         alarm = max(ALARM, self.alarm * (0.98 if total == 0 else 1.0))
-        return Doubt(tuple(recent), total, alarm)
+        since = event.time_ns if total == 0 and _is_seen(event) else self.since
+        return Doubt(tuple(recent), total, alarm, since)
 
     @property
     def is_alarm(self) -> bool:
         """Whether the device should be sought anew."""
-        seen = sum(not (event.active.empty and event.differences.empty) for event, _ in self.recent)
+        seen = sum(_is_seen(event) for event, _ in self.recent)
         return self.total > self.alarm and seen >= LEAST
 
     def found(self, odds: float) -> Doubt:
         """The doubt after a search, with the probability that the device had been lost."""
         if odds > 0.5:
-            return Doubt()
+            return Doubt(since=self.since)
         return replace(self, total=0.0, alarm=min(2 * self.alarm, MOST_ALARM))
+
+
+def _is_seen(event: Event) -> bool:
+    """Whether the event has lines of sight."""
+    return not (event.active.empty and event.differences.empty)
 
 
 def search(
