@@ -536,6 +536,11 @@ def test_the_commands(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
         target = tmp_path / f"a.{suffix}"
         assert main(["convert", "--from", "ros2", str(bag), "-o", str(target)]) == 0
         assert main(["validate", "--strict", str(target)]) == 0
+    # Viewers show it over the bag's own times: those of the headers.
+    with (tmp_path / "a.mcap").open("rb") as made:
+        told = make_reader(made).iter_messages(topics="/radar/radar_points/detections")
+        stamps = [message.log_time for _, _, message in told]
+    assert stamps == [T0 + k * 10**8 + 5 * 10**7 for k in range(4)]
     (file,) = bag.glob("*.mcap")
     assert main(["validate", str(file)]) == 4
     assert "try echoset convert --from ros2" in capfd.readouterr().err
