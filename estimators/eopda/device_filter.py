@@ -20,6 +20,7 @@ from .filter import track, turn
 from .learn import learn, with_noise
 from .links import NO_LINKS, Network, link_steps, network
 from .odometry import Odometer, odometry_of
+from .spacing import spaced
 from .state import Event, Step, Target, belief
 
 _log = logging.getLogger(__name__)
@@ -70,6 +71,7 @@ class DeviceFilter:
             found |= learnt
             factor = params.sigma_factor
             events = (with_noise(event, factor / net.sigma_factor) for event in events)
+        events = spaced(events, params.noise_time)
         if found:
             said = ", ".join(f"{key} {value}" for key, value in found.items())
             _log.info("%s: %s", net.name, said)

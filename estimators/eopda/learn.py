@@ -11,7 +11,7 @@ parameters that trade against each other fit a little better and are much worse.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -21,7 +21,8 @@ from ...models.errors import EstimatorError
 from .filter import track
 from .links import Links, Network
 from .params import LEARNABLE, Params
-from .state import Event, Target, belief
+from .spacing import LONGEST, noise_time, residuals, spaced
+from .state import Event, Step, Target, belief
 
 PARTICLES = 1000
 """Particles while learning."""
@@ -76,15 +77,9 @@ class _Search:
         way, so that what is hopeless costs little.
         """
         if params not in self.tried:
-            rng = np.random.default_rng(self.seed)
-            few = replace(params, particles=min(PARTICLES, params.particles))
-            first = belief(self.net, few)
-            factor = few.sigma_factor / self.net.sigma_factor
-            events = (with_noise(event, factor) for event in self.events)
             ahead, curve, total = self.curves.get(self.best, []), [], 0.0
             try:
-                steps = track(events, self.target, few, first, rng, self.net.name)
-                for k, step in enumerate(steps):
+                for k, step in enumerate(self.steps(params)):
                     total += step.evidence
                     curve.append(total)
                     if k < len(ahead) and total < ahead[k] - HOPELESS:
@@ -94,6 +89,14 @@ class _Search:
                 total = -np.inf
             self.tried[params], self.curves[params] = total, curve
         return self.tried[params]
+
+    def steps(self, params: Params) -> Iterator[Step]:
+        """The filter's steps with few particles and always the same random numbers."""
+        rng = np.random.default_rng(self.seed)
+        few = replace(params, particles=min(PARTICLES, params.particles))
+        factor = few.sigma_factor / self.net.sigma_factor
+        events = spaced((with_noise(event, factor) for event in self.events), few.noise_time)
+        return track(events, self.target, few, belief(self.net, few), rng, self.net.name)
 
     def offer(self, **changes: Any) -> bool:
         """Take ``changes`` if they gain enough."""
@@ -177,12 +180,14 @@ def learn(
         if search.best == before:
             break
     best = max(search.best, params, key=search.evidence)
+    gain = search.evidence(best) - at_first
+    if "sigma" in wanted and params.noise_time == 0.0:
+        best = _space(search, best)
     found = {
         name: _short(getattr(best, name))
         for name in type(params).__dataclass_fields__
         if getattr(best, name) != getattr(params, name)
     }
-    gain = search.evidence(best) - at_first
     return best, {**found, "learning_gain": round(float(gain), 1)}
 
 
@@ -202,6 +207,26 @@ def _late(search: _Search) -> None:
         for share, k, less in LATE
     ]
     search.best = max([told, *tried], key=search.evidence)
+
+
+def _space(search: _Search, best: Params) -> Params:
+    """Find how long errors stay, from what the ranges leave unexplained.
+
+    A filter that takes them for independent follows them, so that it shows only that they stay; how
+    long is seen by a stiff one, which leaves more of independent errors than there is.
+    """
+    if "noise_time" not in type(best).__dataclass_fields__:
+        return best
+    stays = 0.0
+    try:
+        for stiff in (0.0, LONGEST):
+            steps = search.steps(_set(best, {"noise_time": stiff}))
+            stays = noise_time(*residuals(search.events, steps))
+            if stays == 0.0:
+                break
+    except EstimatorError:
+        return best
+    return _set(best, {"noise_time": stays})
 
 
 def _explain(search: _Search, wanted: Sequence[str]) -> None:

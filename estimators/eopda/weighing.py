@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.records import Array
+from .kernels.compiled.difference import difference
 from .kernels.compiled.range_error import direct
 from .kernels.compiled.range_error import excess as compiled_excess
-from .kernels.difference import difference
 from .links import Links
 from .params import Params
 from .state import State, Target
@@ -36,6 +36,12 @@ def excess(state: State, anchors: Array, links: Links) -> tuple[Array, Array]:
     there = np.minimum(links.tx, len(anchors) - 1)
     length = np.where(active[:, None], device[links.rx], centre[there] + centre[links.rx])
     return compiled_excess(length, state.mean, state.covariance, links.rx)
+
+
+def distances(state: State, anchors: Array) -> Array:
+    """Distances (J, N) of the device to the anchors."""
+    away = state.device[:, None] - anchors[:, :2].T[..., None]
+    return np.asarray(np.sqrt((away**2).sum(0) + (state.y[-1] - anchors[:, 2, None]) ** 2))
 
 
 def weigh_object(

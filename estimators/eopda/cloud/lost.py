@@ -18,7 +18,7 @@ from ....models.records import Array
 from ..links import Links
 from ..params import Params
 from ..state import Belief, Event, State, Target
-from ..weighing import BODY, excess
+from ..weighing import BODY, distances, excess
 from .resampling import systematic
 from .start import start
 
@@ -98,7 +98,7 @@ def merge(state: State, fresh: State, share: float, rng: np.random.Generator) ->
 def surprise(state: State, event: Event, params: Params) -> float:
     """How much less likely lines of sight are than particles ``state`` said before, and allowed."""
     links, anchors = event.active, event.anchors
-    d = _distances(state, anchors)
+    d = distances(state, anchors)
     total = 0.0
     if not links.empty:
         shift, loose = excess(state, anchors, links)
@@ -117,12 +117,6 @@ def surprise(state: State, event: Event, params: Params) -> float:
             spread = P[i, i] + P[j, j] - 2 * P[i, j]
         total += _surprise(own, spread, links, state, params)
     return total
-
-
-def _distances(state: State, anchors: Array) -> Array:
-    """Distances (J, N) of the device to the anchors."""
-    away = state.device[:, None] - anchors[:, :2].T[..., None]
-    return np.asarray(np.sqrt((away**2).sum(0) + (state.y[-1] - anchors[:, 2, None]) ** 2))
 
 
 def _surprise(d: Array, spread: Array, links: Links, state: State, params: Params) -> float:
