@@ -12,12 +12,20 @@ from .kernels.compiled.range_error import direct
 from .kernels.compiled.range_error import excess as compiled_excess
 from .links import Links
 from .params import Params
-from .state import State, Target
+from .state import Event, State, Target
 
 BODY = 1.0
 """Length [m] over which the scattered ranges of a body are spread, as seen by its direct range."""
 NOTHING = (np.zeros((0, 0)), np.zeros((0, 0)))
 """The excess of ranges that have none."""
+
+
+def rates(event: Event, params: Params) -> float:
+    """Mean number of ranges of an event: what the likelihood of a Poisson process subtracts."""
+    active = len(event.active.tx) + len(event.differences.tx)
+    passive = len(event.passive.tx)
+    clutter = params.clutter * float(params.max_range or 0.0)
+    return (active + passive) * clutter + params.expected(active, passive)
 
 
 def excess(state: State, anchors: Array, links: Links) -> tuple[Array, Array]:

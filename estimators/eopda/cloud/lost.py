@@ -2,9 +2,9 @@
 
 For each line of sight the particles say how likely its range should be, and how likely it was. The
 difference is summed up as in Page's cumulative test; where the sum is large, the device is sought
-anew in the last events (:mod:`.start`). Whether it was lost is decided by the evidence of both, so
-that a false alarm costs nothing but time. E. S. Page, "Continuous inspection schemes", Biometrika
-41 (1954).
+anew in the events since it was zero (:mod:`.start`). Whether it was lost is decided by the evidence
+of both, so that a false alarm costs nothing but time. E. S. Page, "Continuous inspection schemes",
+Biometrika 41 (1954).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ....models.records import Array
 from ..links import Links
 from ..params import Params
 from ..state import Belief, Event, State, Target
-from ..weighing import BODY, distances, excess
+from ..weighing import BODY, distances, excess, rates
 from .resampling import systematic
 from .start import start
 
@@ -39,11 +39,15 @@ LEAST = 3
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """The last events with their evidence [nats], and the sum of surprises [nats]."""
+    """The last events with their evidence [nats], and the sum of surprises [nats].
+
+    The sum was zero before ``begun`` [ns]: if the device has been lost, then since that time.
+    """
 
     recent: tuple[tuple[Event, float], ...] = ()
     total: float = 0.0
     alarm: float = ALARM
+    begun: int = 0
 
     def after(self, event: Event, evidence: float, surprise: float) -> Doubt:
         """The doubt after an event."""
@@ -51,12 +55,18 @@ class Doubt:
         recent = [*recent[1 - EVENTS :], (event, evidence)]
         total = max(0.0, self.total + surprise)
         alarm = max(ALARM, self.alarm * (0.98 if total == 0 else 1.0))
-        return Doubt(tuple(recent), total, alarm)
+        begun = self.begun if self.total > 0 else event.time_ns
+        return Doubt(tuple(recent), total, alarm, begun)
+
+    @property
+    def doubtful(self) -> list[tuple[Event, float]]:
+        """The events since the device may have been lost, with their evidence."""
+        return [kept for kept in self.recent if kept[0].time_ns >= self.begun]
 
     @property
     def is_alarm(self) -> bool:
         """Whether the device should be sought anew."""
-        seen = sum(not (event.active.empty and event.differences.empty) for event, _ in self.recent)
+        seen = sum(not (e.active.empty and e.differences.empty) for e, _ in self.doubtful)
         return self.total > self.alarm and seen >= LEAST
 
     def found(self, odds: float) -> Doubt:
@@ -69,10 +79,11 @@ class Doubt:
 def search(
     doubt: Doubt, target: Target, params: Params, before: Belief, rng: np.random.Generator
 ) -> tuple[State, float]:
-    """Particles of a start anew from the last events, and the probability that they are right."""
-    events = [event for event, _ in doubt.recent]
+    """Particles of a start from the doubtful events, and the probability that they are right."""
+    events = [event for event, _ in doubt.doubtful]
     states, log_z = start(events, target, params, before, rng)
-    log_odds = LOG_PRIOR + log_z - sum(evidence for _, evidence in doubt.recent)
+    log_z -= sum(rates(event, params) for event in events)
+    log_odds = LOG_PRIOR + log_z - sum(evidence for _, evidence in doubt.doubtful)
     return states[-1], float(1 / (1 + np.exp(-np.clip(log_odds, -500, 500))))
 
 
