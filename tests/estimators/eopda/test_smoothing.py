@@ -324,7 +324,7 @@ def test_wheels_are_followed_back_through_starts_and_searches():
     rec = uwb_walk.simulate(uwb_walk.Params(steps=100), np.random.default_rng(1), "walk")
     errors = {}
     for smooth in ("none", "whole"):
-        x, P, steps = run(rec, particles=1500, smooth=smooth)
+        x, _P, steps = run(rec, particles=1500, smooth=smooth)
         p = rec.truth.objects.columns("x", "y")
         assert steps["sought_anew"].any()
         errors[smooth] = np.hypot(*(x[:, :2] - p).T)
