@@ -19,9 +19,10 @@ import numpy as np
 from ....models.radar.reflectors import Reflectors, visibility
 from ....models.records import Array
 
-X, Y, Z, COS, SIN, R0, DR, A0, DA, GAIN, SPEED, BIN, ROWS, COLUMNS = range(14)
+X, Y, Z, COS, SIN, R0, DR, A0, DA, GAIN, SPEED, BIN, LATE = range(13)
 """Columns of a station: place, cosine and sine of its yaw, first range and step [m], first azimuth
-and step [rad], power of 1 m2 at 1 m over the noise, Doppler bins per m/s, range bin [m], cells."""
+and step [rad], power of 1 m2 at 1 m over the noise, Doppler bins per m/s, range bin [m], and by how
+much later than others it takes its map [s]."""
 BEAM = 2000
 """Entries of a table of the beam over the difference of sines, from 0 to 2."""
 POSITION_X, POSITION_Y, RCS, AXIS, INNER, OUTER = range(6)
@@ -33,10 +34,11 @@ STEP = 0.02, 0.02, 0.02, 0.1
 def reflecting(station: Array, body: Array, target: Array) -> tuple[Array, Array, Array, float]:
     """Slant range (L,), sine of azimuth (L,) and mean power (L,) of a body's points, and Doppler.
 
-    ``station`` (14,) and ``body`` (L, 6) have the columns above; ``target`` (6,) is x, y, heading,
+    ``station`` (13,) and ``body`` (L, 6) have the columns above; ``target`` (6,) is x, y, heading,
     log brightness, vx, vy. What is behind the array has no power. Doppler is in bins.
     """
     x, y, heading, brightness, vx, vy = target
+    x, y = x + station[LATE] * vx, y + station[LATE] * vy
     c, s = np.cos(heading), np.sin(heading)
     px = x + c * body[:, POSITION_X] - s * body[:, POSITION_Y] - station[X]
     py = y + s * body[:, POSITION_X] + c * body[:, POSITION_Y] - station[Y]

@@ -63,10 +63,16 @@ class Params(BodyParams, FusionParams):
         within="(0, inf)",
     )
     weight: float = parameter(
-        0.1,
+        0.35,
         "1",
         "independent cells for one of the map: what an echo spreads over fluctuates together",
         within="(0, 1]",
+    )
+    dynamic_range: float = parameter(
+        25.0,
+        "dB",
+        "what stands so far below the echo of 1 m2 at its range tells nothing: sidelobes",
+        within="(0, inf)",
     )
     acceleration_density: float = parameter(
         0.5, "m2 s-3", "white acceleration in continuous time", within="(0, inf)"

@@ -18,6 +18,7 @@ from ..response import (
     DR,
     GAIN,
     INNER,
+    LATE,
     OUTER,
     POSITION_X,
     POSITION_Y,
@@ -58,7 +59,8 @@ def add(
     n, m = i1 - i0, j1 - j0
     if n <= 0 or m <= 0:
         return
-    x, y, heading = target[0], target[1], target[2]
+    x, y, heading = target[0] + station[LATE] * target[4], target[1], target[2]
+    y += station[LATE] * target[5]
     c, s = math.cos(heading), math.sin(heading)
     dx, dy = x - station[X], y - station[Y]
     sight = math.atan2(-dy, -dx) - heading
@@ -105,7 +107,8 @@ def strongest(
     column: Array, peak: Array, station: Array, beam: Array, body: Array, target: Array
 ) -> None:
     """Note a target's Doppler bin where it is the strongest; see the definition."""
-    x, y, heading = target[0], target[1], target[2]
+    x, y, heading = target[0] + station[LATE] * target[4], target[1], target[2]
+    y += station[LATE] * target[5]
     c, s = math.cos(heading), math.sin(heading)
     dx, dy = x - station[X], y - station[Y]
     sight = math.atan2(-dy, -dx) - heading

@@ -59,6 +59,16 @@ def test_all_are_found_with_their_classes(recording):
     assert step.steps["cardinality_mean"][0] == pytest.approx(8, abs=0.1)
 
 
+@pytest.mark.parametrize("eirp", [20.0, 30.0, 50.0])
+def test_places_do_not_depend_on_the_power(eirp):
+    """Within 0.06 m in the mean over scans, pedestrians and vehicles, and no sidelobe is one."""
+    recording = simulated(seed=3, scans=16, eirp=eirp)
+    for k, step in enumerate(run(recording)[10:], 10):
+        state, _, _ = true_at(recording, k)
+        d = np.hypot(*(step.objects.state[:, None, :2] - state[:, :2]).T)
+        assert d.shape == (8, 8) and d.min(1).mean() < 0.06
+
+
 def test_noise_alone_and_maps_of_nothing():
     empty = simulated(scans=3, pedestrians=0, vehicles=0)
     assert [len(s.objects.label) for s in run(empty)] == [0, 0, 0]
