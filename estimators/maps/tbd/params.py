@@ -63,13 +63,13 @@ class Params(BodyParams, FusionParams):
         within="(0, inf)",
     )
     weight: float = parameter(
-        0.35,
+        0.4,
         "1",
         "independent cells for one of the map: what an echo spreads over fluctuates together",
         within="(0, 1]",
     )
     dynamic_range: float = parameter(
-        25.0,
+        22.0,
         "dB",
         "what stands so far below the echo of 1 m2 at its range tells nothing: sidelobes",
         within="(0, inf)",

@@ -116,7 +116,9 @@ def _floor(stations: Array, sizes: Sequence[Sequence[int]], params: Params) -> A
     found = np.ones((len(stations), max((s[0] for s in sizes), default=0)))
     r = np.abs(stations[:, R0, None] + stations[:, DR, None] * np.arange(found.shape[1]))
     weakest = 10 ** (-params.dynamic_range / 10)
-    return np.maximum(found, stations[:, GAIN, None] / np.maximum(r, 1.0) ** 4 * weakest)
+    return np.asarray(
+        np.maximum(found, stations[:, GAIN, None] / np.maximum(r, 1.0) ** 4 * weakest)
+    )
 
 
 def _station(name: str, model: Mapping[str, Any]) -> BaseStation:
