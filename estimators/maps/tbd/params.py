@@ -9,6 +9,7 @@ import numpy as np
 from ....models.parameters import parameter
 from ....models.radar.reflectors import Reflectors, pedestrian, vehicle
 from ....models.records import Array
+from ...kernels.passes import SmoothParams
 from ..params import FusionParams
 
 
@@ -51,7 +52,7 @@ def _columns(body: Reflectors) -> Array:
 
 
 @dataclass(frozen=True)
-class Params(BodyParams, FusionParams):
+class Params(BodyParams, SmoothParams, FusionParams):
     """Likelihood, motion, and how targets come and go."""
 
     TITLE = "targets"
@@ -111,3 +112,4 @@ class Params(BodyParams, FusionParams):
 
     def __post_init__(self) -> None:
         FusionParams.__post_init__(self)
+        SmoothParams.__post_init__(self)

@@ -105,12 +105,18 @@ class Targets:
         return self.m[:, [0, 1, 4, 5, 2, 3]]
 
 
-def predict(targets: Targets, params: Params, dt: float) -> Targets:
-    """The targets ``dt`` [s] later; brightness returns to its mean."""
-    keep = np.exp(-dt / params.brightness_time)
+def motion(params: Params, dt: float) -> Array:
+    """How the state (6,) goes on for ``dt`` [s], but for the mean of its brightness."""
     F = np.eye(6)
     F[[0, 1], [2, 3]] = dt
-    F[5, 5] = keep
+    F[5, 5] = np.exp(-dt / params.brightness_time)
+    return F
+
+
+def predict(targets: Targets, params: Params, dt: float) -> Targets:
+    """The targets ``dt`` [s] later; brightness returns to its mean."""
+    F = motion(params, dt)
+    keep = F[5, 5]
     Q = np.zeros((6, 6))
     Q[:4, :4] = params.acceleration_density * white_acceleration(dt)
     Q[4, 4] = params.turn_density * dt
