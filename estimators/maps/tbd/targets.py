@@ -64,6 +64,9 @@ DOUBT = 5
 """Scans after which a class that is sure is doubted again."""
 SURE = 10.0
 """Log-odds of existence and class never exceed this."""
+VIEW = 3.0
+"""Nor those of class this for each station that sees a target: one alone takes two pedestrians
+beside each other for a vehicle, again and again."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -239,7 +242,8 @@ def update(targets: Targets, view: View, mean: Array, params: Params) -> tuple[T
             y, T = turned(x, S, k, params)
             y, T, other = correct(view, mean, 1 - k, y, T, y, at, params)
             odds = np.clip((other - gain) * (1 if k == PEDESTRIAN else -1), -GAIN, GAIN)
-            vehicle[i] = np.clip(vehicle[i] + odds, -SURE, SURE)
+            sure = min(SURE, VIEW * np.count_nonzero(near[:, 1] > near[:, 0]))
+            vehicle[i] = np.clip(vehicle[i] + odds, -sure, sure)
             if (vehicle[i] > 0) != (k == VEHICLE):
                 k, x, S, gain = 1 - k, y, T, other
         kind[i] = k
