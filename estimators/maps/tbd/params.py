@@ -90,6 +90,12 @@ class Params(BodyParams, SmoothParams, FusionParams):
         "deviation of a target's log brightness from what a body of its class has",
         within="(0, inf)",
     )
+    std_size: float = parameter(
+        0.2, "1", "deviation of a vehicle's log size from what is stated", within="(0, inf)"
+    )
+    size_time: float = parameter(
+        100.0, "s", "time over which it is known no more", within="(0, inf)"
+    )
     brightness_time: float = parameter(2.0, "s", "time over which it changes", within="(0, inf)")
     std_speed: float = parameter(
         2.0, "m s-1", "deviation of each velocity of a new target", within="(0, inf)"

@@ -223,7 +223,7 @@ class View:
         return View(seen, power, np.zeros((len(layout.names), A)))
 
     def add(self, mean: Array, sign: float, kind: int, target: Array, windows: Array) -> None:
-        """Add ``sign`` times the mean power of a target (6,) of class ``kind``, in place."""
+        """Add ``sign`` times the mean power of a target (7,) of class ``kind``, in place."""
         layout, body = self.layout, self.layout.bodies[kind]
         for q, window in enumerate(windows):
             compiled.add(
@@ -239,14 +239,14 @@ class View:
         return np.stack((zero, rows, zero, columns), 1)
 
     def mean(self, kinds: Array, targets: Array) -> Array:
-        """Mean (S, R, A) of the maps with ``targets`` (n, 6) of classes ``kinds`` (n,)."""
+        """Mean (S, R, A) of the maps with ``targets`` (n, 7) of classes ``kinds`` (n,)."""
         found = np.ones_like(self.power) * self.layout.floor[:, :, None]
         for kind, target in zip(kinds.tolist(), targets, strict=True):
             self.add(found, 1.0, kind, target, self.whole)
         return found
 
     def shown(self, kinds: Array, targets: Array) -> View:
-        """The view with the Doppler bins of the strongest of ``targets`` (n, 6) as its columns."""
+        """The view with the Doppler bins of the strongest of ``targets`` (n, 7) as its columns."""
         columns, peak = np.zeros_like(self.columns), np.zeros_like(self.columns)
         layout = self.layout
         for kind, target in zip(kinds.tolist(), targets, strict=True):
@@ -265,7 +265,7 @@ class View:
     def fit(
         self, rest: Array, kind: int, target: Array, windows: Array, shape: float, derive: bool
     ) -> tuple[float, Array, Array]:
-        """What a target (6,) adds to the log-likelihood of its windows, score and information."""
+        """What a target (7,) adds to the log-likelihood of its windows, score and information."""
         layout = self.layout
         found: tuple[float, Array, Array] = compiled.fit(
             self.power, rest, layout.stations, layout.beams, self.columns, layout.bodies[kind],

@@ -41,7 +41,7 @@ def back(later: Trail | None, now: Trail, params: Params) -> Trail:
     for k, (i, j) in enumerate(zip(here, there, strict=True)):
         turn = abs((u.m[j, 4] - ahead.m[k, 4] + np.pi) % (2 * np.pi) - np.pi)
         same = t.kind[i] == u.kind[j] and turn < np.pi / 2
-        some = np.arange(6) if same else MOVED
+        some = np.arange(7) if same else MOVED
         at = np.ix_(some, some)
         gain = np.linalg.solve(ahead.P[k][at], (F @ t.P[i])[at]).T
         off = u.m[j] - ahead.m[k]

@@ -134,3 +134,15 @@ def test_it_is_found_by_its_name_and_needs_a_waveform(recording):
     )
     with pytest.raises(InputError, match="stream S0 at 50000000 ns: map of"):
         run(replace(recording, streams={**recording.streams, "S0": small}))
+
+
+@pytest.mark.parametrize("scale", [0.76, 1.3])
+def test_vehicles_of_another_size_than_stated(scale):
+    """Found as one vehicle each after ten scans, within 0.3 m, and no corner is a pedestrian."""
+    changes = {"vehicle_length": 4.5 * scale, "vehicle_width": 1.8 * scale}
+    recording = simulated(seed=5, scans=16, **changes)
+    for k, step in enumerate(run(recording)[10:], 10):
+        state, kind, _ = true_at(recording, k)
+        d = np.hypot(*(step.objects.state[:, None, :2] - state[:, :2]).T)
+        assert d.shape == (8, 8) and (d.min(1) < 0.3).all()
+        assert (step.objects.class_index[d.argmin(1)] == kind).all()

@@ -15,7 +15,7 @@ from echoset.models.records import Scan
 from echoset.simulate import jsc, spectral
 
 KINDS = np.array([0, 1])
-TARGETS = np.array([[4.0, -3.0, 0.0, 0.2, 0.5, -0.3], [-6.0, 5.0, 0.7, -0.1, 1.0, 1.2]])
+TARGETS = np.array([[4.0, -3.0, 0.0, 0.2, 0.0, 0.5, -0.3], [-6.0, 5.0, 0.7, -0.1, 0.0, 1.0, 1.2]])
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,8 @@ def test_twins_are_equal(view):
     layout = view.layout
     columns = rng.integers(-1, 2, view.columns.shape).astype(float)
     rest = 1 + rng.exponential(size=view.power.shape)
-    for kind, target in zip(KINDS, TARGETS, strict=True):
+    larger = TARGETS + np.array([0.0, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0])
+    for kind, target in zip((*KINDS, *KINDS), (*TARGETS, *larger), strict=True):
         body = layout.bodies[kind]
         at = windows(layout, *target[:2], 4.0)
         for q in range(2):
@@ -117,7 +118,7 @@ def test_the_score_is_the_derivative(view):
     for kind, target in zip(KINDS.tolist(), TARGETS, strict=True):
         at = windows(view.layout, *target[:2], 4.0)
         _, g, _ = view.fit(rest, kind, target, at, 3.0, True)
-        for k, h in enumerate((1e-4, 1e-4, 1e-4, 1e-4)):
+        for k, h in enumerate((1e-4, 1e-4, 1e-4, 1e-4, 1e-4)):
             up, down = target.copy(), target.copy()
             up[k] += h
             down[k] -= h
@@ -144,7 +145,7 @@ def test_windows_hold_what_is_near(view):
         at = windows(layout, x, y, 2.0)
         for q, scan in enumerate(("S0", "S1")):
             power = np.zeros(view.power.shape[1:])
-            target = np.array([x, y, 0.0, 0.0, 0.0, 0.0])
+            target = np.array([x, y, 0.0, 0.0, 0.0, 0.0, 0.0])
             whole = view.whole[q]
             compiled.add(
                 power, 1.0, layout.stations[q], layout.beams[q], np.zeros(51), layout.bodies[0],
@@ -170,7 +171,7 @@ def test_a_station_that_takes_its_map_later_sees_targets_further_on(view):
     station[response.LATE] = 0.03
     for kind, target in zip(KINDS, TARGETS, strict=True):
         moved = target.copy()
-        moved[:2] += 0.03 * target[4:]
+        moved[:2] += 0.03 * target[5:]
         for module in (response, compiled):
             outs = [np.zeros(view.power.shape[1:]) for _ in range(2)]
             notes = [(np.zeros(51), np.zeros(51)) for _ in range(2)]

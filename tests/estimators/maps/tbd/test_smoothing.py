@@ -28,10 +28,10 @@ def target(m, P, label=3, kind=1):
 
 def law():
     """Motion over DT: F, the mean that is added, and Q, by motion from known states."""
-    zero = target(np.zeros(6), np.zeros((6, 6)))
+    zero = target(np.zeros(7), np.zeros((7, 7)))
     after = predict(zero, PARAMS, DT)
     F = np.stack(
-        [predict(target(e, np.zeros((6, 6))), PARAMS, DT).m[0] - after.m[0] for e in np.eye(6)], 1
+        [predict(target(e, np.zeros((7, 7))), PARAMS, DT).m[0] - after.m[0] for e in np.eye(7)], 1
     )
     return F, after.m[0], after.P[0]
 
@@ -41,11 +41,11 @@ def test_means_and_covariances_are_those_of_least_squares_over_all_times():
     rng, n = np.random.default_rng(3), 5
     F, b, Q = law()
     assert b[5] == pytest.approx((1 - F[5, 5]) * DIM)
-    R = np.diag([0.1, 0.2, 0.5, 0.4, 0.1, 0.3]) ** 2
-    z = rng.normal(size=(n, 6))
+    R = np.diag([0.1, 0.2, 0.5, 0.4, 0.1, 0.3, 0.1]) ** 2
+    z = rng.normal(size=(n, 7))
     z[:, 4] *= 0.1
-    P = np.diag([1.0, 1.0, 2.0, 2.0, 0.5, 0.3]) ** 2
-    x, trails = target(np.zeros(6), P), []
+    P = np.diag([1.0, 1.0, 2.0, 2.0, 0.5, 0.3, 0.2]) ** 2
+    x, trails = target(np.zeros(7), P), []
     for k in range(n):
         if k:
             x = predict(x, PARAMS, DT)
@@ -54,7 +54,7 @@ def test_means_and_covariances_are_those_of_least_squares_over_all_times():
         x = replace(x, m=m[None], P=(x.P[0] - gain @ x.P[0])[None])
         trails.append(Trail(int(k * DT * 1e9), x))
     rows = [np.kron(np.eye(n)[0], np.linalg.cholesky(np.linalg.inv(P)).T)]
-    right = [np.zeros(6)]
+    right = [np.zeros(7)]
     for k in range(n):
         W = np.linalg.cholesky(np.linalg.inv(R)).T
         rows.append(np.kron(np.eye(n)[k], W))
@@ -64,20 +64,20 @@ def test_means_and_covariances_are_those_of_least_squares_over_all_times():
             rows.append(np.kron(np.eye(n)[k], W) - np.kron(np.eye(n)[k - 1], W @ F))
             right.append(W @ b)
     A = np.concatenate(rows)
-    mean = np.linalg.lstsq(A, np.concatenate(right), rcond=None)[0].reshape(n, 6)
+    mean = np.linalg.lstsq(A, np.concatenate(right), rcond=None)[0].reshape(n, 7)
     joint = np.linalg.inv(A.T @ A)
     later = None
     for k in range(n - 1, -1, -1):
         later = back(later, trails[k], PARAMS)
         np.testing.assert_allclose(later.targets.m[0], mean[k], atol=1e-8)
-        block = joint[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
+        block = joint[7 * k : 7 * k + 7, 7 * k : 7 * k + 7]
         np.testing.assert_allclose(later.targets.P[0], block, atol=1e-8)
 
 
 def test_what_exists_later_existed_and_a_class_is_the_last():
-    P = np.eye(6) * 0.1
-    now, then = target(np.zeros(6), P), target(np.zeros(6), P)
-    other = target(np.ones(6), P, label=4)
+    P = np.eye(7) * 0.1
+    now, then = target(np.zeros(7), P), target(np.zeros(7), P)
+    other = target(np.ones(7), P, label=4)
     now = replace(now, exists=np.array([-3.0])).join(other)
     then = replace(then, exists=np.array([4.0]), vehicle=np.array([-2.0]))
     found = back(Trail(int(DT * 1e9), then), Trail(0, now), PARAMS).targets
@@ -86,9 +86,9 @@ def test_what_exists_later_existed_and_a_class_is_the_last():
 
 
 def test_another_body_moves_on_as_one_target():
-    """Heading and brightness of a pedestrian say nothing of those of the vehicle that it was."""
-    P = np.diag([0.1, 0.1, 1.0, 1.0, 0.1, 0.1])
-    now, then = target(np.zeros(6), P), target(np.full(6, 0.3), P * 0.1, kind=0)
+    """Heading, brightness and size of a pedestrian say nothing of those of the vehicle that it was."""
+    P = np.diag([0.1, 0.1, 1.0, 1.0, 0.1, 0.1, 0.1])
+    now, then = target(np.zeros(7), P), target(np.full(7, 0.3), P * 0.1, kind=0)
     found = back(Trail(int(DT * 1e9), then), Trail(0, now), PARAMS).targets
     assert (found.m[0, :4] != 0).all() and not found.m[0, 4:].any()
     np.testing.assert_array_equal(found.P[0, 4:, 4:], P[4:, 4:])
