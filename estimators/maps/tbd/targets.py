@@ -1,9 +1,9 @@
 """Targets one by one: their motion, and what the cells about each say of it.
 
 The state is x y vx vy heading, log brightness and log size. A pedestrian's heading and size say
-nothing; a vehicle hardly slips across its heading. The likelihood is that of the cells in a window, tempered by the
-``weight`` of a cell, as an echo's cells fluctuate together; its mode is found by scoring (Gauss
-and Newton with the expected information), which also gives the covariance.
+nothing; a vehicle hardly slips across its heading. The likelihood is that of the cells in a window,
+tempered by the ``weight`` of a cell, as an echo's cells fluctuate together; its mode is found by
+scoring (Gauss and Newton with the expected information), which also gives the covariance.
 """
 
 from __future__ import annotations
@@ -205,9 +205,9 @@ def jumped(
     """Where to look for the mode, and the covariance of the prediction, less sure if it is far.
 
     The nulls between a kernel's sidelobes make modes a range bin apart. Of places, headings
-    and sizes at the ``offsets`` (n, 4) the best is chosen by the tempered likelihood and a prior that is
-    never surer than ``doubt`` times :data:`DOUBTED`; the covariance grows so that what is chosen is
-    not improbable.
+    and sizes at the ``offsets`` (n, 4) the best is chosen by the tempered likelihood and a prior
+    that is never surer than ``doubt`` times :data:`DOUBTED`; the covariance grows so that what is
+    chosen is not improbable.
     """
     x = vector(m)
     S = P[np.ix_(POSE, POSE)] + np.diag((doubt * DOUBTED) ** 2)

@@ -86,7 +86,7 @@ def test_what_exists_later_existed_and_a_class_is_the_last():
 
 
 def test_another_body_moves_on_as_one_target():
-    """Heading, brightness and size of a pedestrian say nothing of those of the vehicle that it was."""
+    """Heading, brightness, size of a pedestrian say nothing of the vehicle that it was."""
     P = np.diag([0.1, 0.1, 1.0, 1.0, 0.1, 0.1, 0.1])
     now, then = target(np.zeros(7), P), target(np.full(7, 0.3), P * 0.1, kind=0)
     found = back(Trail(int(DT * 1e9), then), Trail(0, now), PARAMS).targets
