@@ -11,6 +11,7 @@ from ..models.records import Recording
 from .maps.choice import with_default
 from .maps.detector import Chain, files
 from .maps.params import MAPS, MapParams
+from .maps.templates import Templates
 from .points import streams
 from .points.context import Context, FilterParams
 from .points.model import sensing
@@ -35,7 +36,7 @@ def resolved(
     stated: Sequence[Layer],
     layers: Sequence[Layer],
 ) -> P:
-    """The parameters of a recording; for maps by the preset ``tuned`` where none is given.
+    """The parameters of a recording; for maps by a preset that suits them where none is given.
 
     Raises
     ------
@@ -43,7 +44,7 @@ def resolved(
     InputError : a parameter that has no default is not known for a stream
     """
     if "tuned" in presets:
-        layers = with_default(setup, stated, layers, presets["tuned"])
+        layers = with_default(setup, stated, layers, presets)
     return streams.resolved(cls, setup, stated, layers)
 
 
@@ -52,6 +53,8 @@ def context(setup: Recording, params: P) -> Context[P]:
 
     Raises
     ------
-    InputError : fewer streams of maps than are to be fused; weights missing or damaged
+    InputError : fewer streams of maps than are to be fused; weights missing or damaged; templates
+        for a stream that does not state its waveform
     """
-    return Context.of(setup, params, Chain.of(setup, params))
+    source = Templates if params.detector == "templates" else Chain
+    return Context.of(setup, params, source.of(setup, params))

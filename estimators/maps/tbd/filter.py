@@ -80,21 +80,20 @@ def step(
     gone = np.flatnonzero(exists < -params.birth_price)
     if len(gone):
         targets, mean = without(targets, view, mean, gone)
-    targets = _doubted(targets, view, mean, params)
+    targets = doubted(targets, view, mean, params)
     evidence = MEMORY * state.evidence + (1 - MEMORY) * view.gains(mean, params.shape)
     most = FIRST if state.time_ns is None else LATER
     if state.time_ns is None:
         evidence /= 1 - MEMORY
     targets, free = born(targets, view, mean, evidence, state.free, most, params)
-    due = np.flatnonzero(_due(targets, params))
-    for label in targets.label[due].tolist():
+    for label in targets.label[due(targets, params)].tolist():
         about = np.flatnonzero(targets.label == label)
         if len(about):
             targets, mean, free = rethought(targets, view, mean, int(about[0]), free, params)
     return State(targets, evidence, free, time_ns, state.turn + 1)
 
 
-def _doubted(targets: Targets, view: View, mean: Array, params: Params) -> Targets:
+def doubted(targets: Targets, view: View, mean: Array, params: Params) -> Targets:
     """The targets, those that are young or unsure beside others less sure if these do without."""
     crowded, young = _crowded(targets), targets.age <= YOUNG
     exists = targets.exists.copy()
@@ -111,12 +110,11 @@ def _crowded(targets: Targets) -> Array:
     return np.asarray(np.count_nonzero(d < CROWD, axis=0) > 1)
 
 
-def _due(targets: Targets, params: Params) -> Array:
+def due(targets: Targets, params: Params) -> Array:
     """Which targets (n,) are explained anew: after some scans, and new ones beside others."""
     crowded = _crowded(targets)
     often = (targets.age + targets.label) % params.rethink == 0
-    due: Array = (np.isin(targets.age, SOON) & crowded) | (often & (targets.age > 1))
-    return due
+    return np.asarray((np.isin(targets.age, SOON) & crowded) | (often & (targets.age > 1)))
 
 
 def estimate(
