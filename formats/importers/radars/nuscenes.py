@@ -83,13 +83,15 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     samples = {k: v for k, v in tables["sample"].items() if v.get("scene_token") == scene["token"]}
     sensors, streams = {}, {}
     view = np.radians(params.half_view), params.max_range
-    radars = _radars(tables, samples)
+    with damage(version / "sample_data.json", "records"):
+        radars = _radars(tables, samples)
     if not radars:
         raise FormatError(version / "sample_data.json", "", f"{scene['name']} has no radar")
     for name, found in sorted(radars.items()):
         scans = []
         for record in found:
-            path = version.parent / str(record["filename"])
+            with damage(version / "sample_data.json", name):
+                path = _within(version.parent, str(record["filename"]))
             data = read_bytes(path)
             files.append(provenance(path, data))
             scans.append(_columns(_pcd(data, path), params.valid))
@@ -106,6 +108,13 @@ def read(paths: Sequence[Path], params: Params) -> Recording:
     recording = Recording(Meta(str(scene["name"]), provenance=said), sensors, streams, truth)
     check(recording, version)
     return recording
+
+
+def _within(folder: Path, name: str) -> Path:
+    """The file ``name`` of a folder, which must not lead out of it."""
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise ValueError(f"the file {name[:80]!r} is not one of the set")
+    return folder / name
 
 
 def _versions(path: Path) -> Iterator[Path]:

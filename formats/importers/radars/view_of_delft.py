@@ -149,7 +149,8 @@ def _matrix(values: Sequence[float]) -> Array:
     T = np.eye(4)
     T[: len(values) // 4] = np.array(values, float).reshape(-1, 4)
     R = T[:3, :3]
-    if not (np.isfinite(T).all() and np.allclose(R @ R.T, np.eye(3), atol=1e-3)):
+    rigid = np.isfinite(T).all() and np.allclose(R @ R.T, np.eye(3), atol=1e-3)
+    if not (rigid and np.linalg.det(R) > 0):
         raise ValueError("is no rotation and translation")
     return T
 

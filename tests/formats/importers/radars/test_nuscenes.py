@@ -208,6 +208,27 @@ def test_the_devkit_reads_the_same(tmp_path: Path):
         np.testing.assert_allclose(rows["doppler"], (vx * x + vy * y) / np.hypot(x, y), rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("table", "old", "new"),
+    [
+        ("sample_data", '"filename"', '"file"'),
+        ("sample_data", '"samples/', '"../samples/'),
+        ("sample_data", '"samples/', '"/samples/'),
+        ("sensor", '"channel"', '"chanel"'),
+        ("ego_pose", '"rotation": [', '"rotation": [0, 0, '),
+        ("sample_annotation", '"size": [', '"size": [1, '),
+    ],
+)
+def test_tables_that_are_none_are_named(tmp_path: Path, table: str, old: str, new: str):
+    scene(tmp_path)
+    path = tmp_path / "v1.0-mini" / f"{table}.json"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(FormatError, match=r"\.json"):
+        imported(tmp_path)
+
+
 def test_damaged_scenes_are_refused_in_a_line(tmp_path: Path):
     written = scene(tmp_path)
     rng = np.random.default_rng(4)

@@ -152,9 +152,11 @@ def test_what_cannot_be_is_refused(tmp_path: Path):
     with pytest.raises(InputError, match="reads the folder of the set"):
         imported(tmp_path / "radar")
     pose = tmp_path / "lidar/training/pose/00010.json"
-    pose.write_text(json.dumps({"odomToCamera": [2.0] * 16}) + "\n")
-    with pytest.raises(FormatError, match=r"00010\.json.*is no rotation"):
-        imported(tmp_path)
+    mirrored = np.diag([1.0, 1.0, -1.0, 1.0]).ravel().tolist()
+    for values in ([2.0] * 16, mirrored):
+        pose.write_text(json.dumps({"odomToCamera": values}) + "\n")
+        with pytest.raises(FormatError, match=r"00010\.json.*is no rotation"):
+            imported(tmp_path)
     pose.unlink()
     with pytest.raises(FormatError, match=r"00010\.json.*No such file"):
         imported(tmp_path)
