@@ -22,9 +22,9 @@ def hint(source: object) -> str:
     if not (path.is_file() or path.is_dir()):
         return ""
     head = _head(path)
-    if path.suffix in _OURS and not is_bag(head):
-        return ""
     found = [name for name, module in _importers() if module.recognises(path, head)]
+    if not found and path.suffix in _OURS:
+        return ""
     if not found:
         return ": see 'echoset list importers', or export it as a table of text"
     name = shlex.quote(str(path))

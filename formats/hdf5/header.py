@@ -34,7 +34,7 @@ def header(source: Path, path: object) -> dict[str, Any]:
             found = {name: attribute(file, name) for name in wanted}
             absent = [name for name in HEADER if name not in found]
             if absent:
-                raise FormatError(path, place, foreign(absent[0]))
+                raise FormatError(path, place, foreign(absent[0], path))
             digests = json.loads(_text(file, "tokens"))
             found |= {name: _text(file, name) for name in _OWN if name in file}
         expected = leaves.header(digests)

@@ -18,6 +18,7 @@ import numpy as np
 from ...models.errors import FormatError
 from .. import leaves
 from ..damage import damage
+from ..foreign import hint
 from ..leaves import ArrayDigest, Leaf
 
 HEADER = ("Conventions", "format_version", "content_digest", "observed_digest")
@@ -46,11 +47,13 @@ class LeafReader:
         self._place = "/"
         try:
             with damage(path, lambda: self._place):
+                if not any(name in self.file.attrs for name in HEADER):
+                    raise FormatError(path, "/", foreign(HEADER[0], path))
                 self._walk(self.file, "", 0)
                 self._place = "/"
                 absent = [name for name in (*HEADER, "tokens") if name not in self.leaves]
                 if absent:
-                    raise FormatError(path, "/", foreign(absent[0]))
+                    raise FormatError(path, "/", foreign(absent[0], path))
                 self.header = {k: self.leaves.pop(k) for k in HEADER}
                 self.digests: dict[str, str] = json.loads(self._value("tokens"))
                 del self.leaves["tokens"]
@@ -166,9 +169,10 @@ class LeafReader:
         return found
 
 
-def foreign(absent: str) -> str:
-    """What is said of a file without what all of ours have."""
-    return f"not a file of echoset: {absent} is missing (logs of others: convert --from)"
+def foreign(absent: str, path: object) -> str:
+    """What is said of a file without what all of ours have, and what may read it."""
+    end = hint(path) or " (logs of others: convert --from)"
+    return f"not a file of echoset: {absent} is missing{end}"
 
 
 def verify_header(path: object, name: str, stated: object, value: object) -> None:

@@ -180,6 +180,19 @@ def test_the_devkit_reads_the_same(tmp_path: Path):
     assert len(theirs) == sum(len(s) for s in found.streams.values())
 
 
+def test_commands_say_what_reads_it(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    from echoset.cli.main import main
+
+    sequence(tmp_path / "s")
+    for source in (tmp_path / "s", tmp_path / "s" / "radar_data.h5"):
+        for words in (["info"], ["estimate", "-e", "phd", "-o", str(tmp_path / "o.h5")]):
+            assert main([words[0], str(source), *words[1:]]) == 4
+            assert f"try echoset convert --from radarscenes {source} -o" in capfd.readouterr().err
+    out = tmp_path / "s.h5"
+    command = ["convert", "--from", "radarscenes", str(tmp_path / "s"), "-o", str(out)]
+    assert main(command) == 0 and main(["validate", "--strict", str(out)]) == 0
+
+
 def test_damaged_sequences_are_refused_in_a_line(tmp_path: Path):
     sequence(tmp_path / "s")
     rng = np.random.default_rng(4)
