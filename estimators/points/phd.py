@@ -39,7 +39,7 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
     followed, _ = extract(state.mixture, params)
     x = state.mixture.take(followed)
     state, is_new, gone = predict(state, params, together[0].time_ns)
-    where = x.m[:, :2] + gone.dt * x.m[:, 2:]
+    where = (x.m @ gone.F.T)[:, :2]
     moment = observe(context, together, state.memory, x.label, where)
     seen = [look for look, _ in moment.looks]
     n = sum(len(look.z) for look in seen)

@@ -13,7 +13,13 @@ import numpy as np
 
 from ....models.errors import InputError
 from ....models.geometry.regions import box, contains, polygon
-from ....models.motion import constant_velocity, white_acceleration
+from ....models.motion import (
+    backwards,
+    constant_velocity,
+    coordinated_turn,
+    random_walk,
+    white_acceleration,
+)
 from ....models.parameters import parameter, require
 from ....models.records import Array, Recording
 from ..kernels import births
@@ -35,10 +41,18 @@ BIRTHS = ("detections", "edge", "components")
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
 class TargetParams:
-    """Near constant velocity; p_survive and births hold for a step, or for ``time_unit``."""
+    """How targets move; p_survive and births hold for a step, or for ``time_unit``."""
 
     TITLE = "targets"
 
+    motion: str = parameter(
+        "cv",
+        "1",
+        "cv: nearly constant velocity; ct: that turning at turn_rate; random-walk: x and y alone, "
+        "by diffusion, for what stands",
+        within=("cv", "ct", "random-walk"),
+    )
+    turn_rate: float = parameter(0.0, "rad s-1", "of ct: anticlockwise")
     std_acceleration: float = parameter(
         1.0, "m s-2", "white acceleration, constant over a step", within="[0, inf)"
     )
@@ -163,8 +177,12 @@ def elapse(params: TargetParams, last_ns: int | None, time_ns: int) -> Interval:
 
 def transition(params: TargetParams, dt: float) -> tuple[Array, Array]:
     """Transition F (4, 4) and covariance Q (4, 4) of the process noise over ``dt`` [s]."""
-    density = params.acceleration_density or 0.0
-    return _transition(params.std_acceleration, density, params.diffusion, dt)
+    if params.motion == "random-walk":
+        return random_walk(dt, params.diffusion)
+    density, rate = params.acceleration_density or 0.0, 0.0
+    if params.motion == "ct":
+        rate = params.turn_rate
+    return _transition(params.std_acceleration, density, params.diffusion, rate, dt)
 
 
 def within(params: TargetParams) -> Motion:
@@ -172,16 +190,21 @@ def within(params: TargetParams) -> Motion:
 
     def motion(dt: float) -> tuple[Array, Array]:
         F, Q = transition(params, abs(dt))
-        return (F, Q) if dt >= 0 else (np.linalg.inv(F), np.linalg.inv(F) @ Q @ np.linalg.inv(F).T)
+        if dt >= 0 or params.motion == "random-walk":
+            return F, Q
+        back = backwards(F)
+        return back, back @ Q @ back.T
 
     return motion
 
 
 @lru_cache(maxsize=16)
 def _transition(
-    std_acceleration: float, density: float, diffusion: float, dt: float
+    std_acceleration: float, density: float, diffusion: float, turn_rate: float, dt: float
 ) -> tuple[Array, Array]:
     F, G = constant_velocity(dt)
+    if turn_rate:
+        F = coordinated_turn(dt, turn_rate)
     Q = density * white_acceleration(dt) if density else std_acceleration**2 * G @ G.T
     return F, Q + diffusion * dt * np.eye(4)
 
