@@ -12,6 +12,7 @@ from ..models.records import Estimates, Recording, Scan
 from .maps.choice import with_default
 from .maps.detector import Chain, files
 from .maps.params import MAPS, MapParams
+from .maps.templates import Templates
 from .points import streams
 from .points.context import Context, FilterParams
 from .points.learn import head, learn
@@ -37,7 +38,7 @@ def resolved(
     stated: Sequence[Layer],
     layers: Sequence[Layer],
 ) -> P:
-    """The parameters of a recording; for maps by the preset ``tuned`` where none is given.
+    """The parameters of a recording; for maps by a preset that suits them where none is given.
 
     Raises
     ------
@@ -45,7 +46,7 @@ def resolved(
     InputError : a parameter that has no default is not known for a stream
     """
     if "tuned" in presets:
-        layers = with_default(setup, stated, layers, presets["tuned"])
+        layers = with_default(setup, stated, layers, presets)
     return streams.resolved(cls, setup, stated, layers)
 
 
@@ -54,9 +55,11 @@ def context(setup: Recording, params: P) -> Context[P]:
 
     Raises
     ------
-    InputError : fewer streams of maps than are to be fused; weights missing or damaged
+    InputError : fewer streams of maps than are to be fused; weights missing or damaged; templates
+        for a stream that does not state its waveform
     """
-    return Context.of(setup, params, Chain.of(setup, params))
+    source = Templates if params.detector == "templates" else Chain
+    return Context.of(setup, params, source.of(setup, params))
 
 
 def estimated(

@@ -12,7 +12,7 @@ import numpy as np
 from ...models.errors import InputError
 from ...models.parameters import parameter
 from ...models.records import Array
-from .backlog import Backlog
+from .backlog import Backlog, BacklogParams
 from .context import FilterParams
 from .cuts import Cut
 from .kernels import births
@@ -41,17 +41,11 @@ MERGED = 0.5
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(TrailParams, ModeParams, FilterParams):
+class Params(TrailParams, ModeParams, BacklogParams, FilterParams):
     """Sensors, targets, and which of them are kept and shown."""
 
     TITLE = "filter"
 
-    backlog: float = parameter(
-        100.0,
-        "1",
-        "steps of births that wait undetected where no sensor has looked, at the start",
-        within="[0, inf)",
-    )
     gate: float = parameter(
         14.0, "1", "squared Mahalanobis distance of a detection from its gate", within="(0, inf)"
     )

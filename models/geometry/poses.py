@@ -55,24 +55,21 @@ def poses_at(sensor: Sensor, time: Array) -> tuple[Array, Array]:
     return a + share[:, None] * (b - a), turn
 
 
-NEAR = 0.1
-"""Time [s] over which the velocity of a sensor is taken at least, so that poses may have noise."""
-
-
 def velocity_at(sensor: Sensor, time_ns: int) -> Array:
-    """Velocity (3,) [m/s] of a sensor at ``time_ns``, by its poses before and after.
+    """Velocity (3,) [m/s] of a sensor in the map at ``time_ns``, as its poses tell it.
 
-    Between those a step of its samples (at least 0.05 s) away to either side; zero where it is
-    constant, outside its samples.
+    At a sample it is the slope of the parabola through it and its neighbours; between two it is
+    interpolated. Outside it is that of the end for as long as the next sample is away, then zero.
     """
-    t = sensor.time_ns
-    if len(t) < 2 or not t[0] <= time_ns <= t[-1]:
+    t, p, k = sensor.time_ns, sensor.position, len(sensor.time_ns)
+    if k < 2 or time_ns < 2 * t[0] - t[1] or time_ns > 2 * t[-1] - t[-2]:
         return np.zeros(3)
-    i = min(max(int(np.searchsorted(t, time_ns)), 1), len(t) - 1)
-    step = max(int(t[i] - t[i - 1]), round(NEAR / 2 * 1e9))
-    ends = max(time_ns - step, int(t[0])), min(time_ns + step, int(t[-1]))
-    a, b = (pose_at(sensor, end)[0] for end in ends)
-    return np.asarray((b - a) / (ends[1] - ends[0]) * 1e9)
+    i = min(max(int(np.searchsorted(t, time_ns, "right")), 1), k - 1)
+    first = max(i - 2, 0)
+    near = slice(first, i + 2)
+    v = np.gradient(p[near], (t[near] - t[i]) * 1e-9, axis=0)[i - 1 - first :]
+    share = min(max(float(time_ns - t[i - 1]) / float(t[i] - t[i - 1]), 0.0), 1.0)
+    return np.asarray(v[0] + share * (v[1] - v[0]))
 
 
 def slerp(a: Array, b: Array, share: float) -> Array:
