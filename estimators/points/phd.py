@@ -75,7 +75,7 @@ def estimate(
 
 def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
     """:func:`estimate` in a context of the caller's."""
-    return (estimates for _, estimates in through(context, scans, init(), step))
+    return (estimates for _, estimates in through(context, scans, init(context.params.width), step))
 
 
 def _numbers(posterior: Posterior, regions: Mapping[str, Array]) -> dict[str, Array]:
@@ -123,8 +123,8 @@ def _objects(state: State, params: Params) -> tuple[State, Objects]:
         np.array([state.time_ns], np.int64),
         np.array([0, len(row)], np.int64),
         shown,
-        NAMES,
-        UNITS,
+        NAMES[: x.m.shape[1]],
+        UNITS[: x.m.shape[1]],
         x.m[row],
         covariance=x.P[row],
         existence=np.minimum(x.w[row], 1.0),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from echoset.estimators.points import mbm, phd, pmb
 from echoset.estimators.points.model.targets import TargetParams, within
@@ -24,8 +25,13 @@ BASE = {
 }  # fmt: skip
 MOTIONS = pytest.mark.parametrize(
     "motion",
-    [{}, {"motion": "ct", "turn_rate": 0.2}, {"motion": "random-walk", "diffusion": 0.5}],
-    ids=["cv", "ct", "random-walk"],
+    [
+        {},
+        {"motion": "ca", "jerk_density": 0.2, "birth_std_acceleration": 0.7},
+        {"motion": "ct", "turn_rate": 0.2},
+        {"motion": "random-walk", "diffusion": 0.5},
+    ],
+    ids=["cv", "ca", "ct", "random-walk"],
 )
 
 
@@ -34,13 +40,27 @@ def model(motion, dt):
     if motion.get("motion") == "random-walk":
         d = motion["diffusion"]
         return np.diag([1.0, 1.0, 0.0, 0.0]), np.diag([d * dt, d * dt, d / dt, d / dt])
+    if motion.get("motion") == "ca":
+        # Van Loan: the noise of a chain of integrals, by one exponential.
+        A, W = np.zeros((6, 6)), np.zeros((6, 6))
+        A[:2, 2:4] = A[2:4, 4:] = np.eye(2)
+        W[4:, 4:] = motion["jerk_density"] * np.eye(2)
+        both = expm(dt * np.block([[-A, W], [np.zeros((6, 6)), A.T]]))
+        F = both[6:, 6:].T
+        return F, F @ both[:6, 6:]
     F = coordinated_turn(dt, motion.get("turn_rate", 0.0))
     return F, 0.1 * white_acceleration(dt)
 
 
+def prior(motion):
+    """Mean and covariance of a target that appears."""
+    more = [motion["birth_std_acceleration"]] * 2 if motion.get("motion") == "ca" else []
+    return np.array([*BIRTH[1:5], *(0.0 for _ in more)]), np.diag(np.square([*BIRTH[5:], *more]))
+
+
 def kalman(Z, motion, dt):
-    m, P = np.array(BIRTH[1:5]), np.diag(np.square(BIRTH[5:]))
-    H, found = np.eye(2, 4), []
+    m, P = prior(motion)
+    H, found = np.eye(2, len(m)), []
     for k, z in enumerate(Z):
         if k:
             F, Q = model(motion, dt)
@@ -78,21 +98,21 @@ def test_smoothed_too(make_recording, module, motion, how):
     params = module.Params(**BASE, **motion, **how)
     steps = list(module.estimate(recording.setup(), recording.scans(), params, rng))
     n, (F, Q) = len(Z), model(motion, 0.7)
-    A = np.zeros((4 * n, 4 * n))
-    b = np.zeros(4 * n)
-    first = np.linalg.inv(np.diag(np.square(BIRTH[5:])))
-    A[:4, :4] += first
-    b[:4] += first @ BIRTH[1:5]
-    H, W = np.eye(2, 4), np.linalg.inv(Q)
+    m, P = prior(motion)
+    d = len(m)
+    A, b, first = np.zeros((d * n, d * n)), np.zeros(d * n), np.linalg.inv(P)
+    A[:d, :d] += first
+    b[:d] += first @ m
+    H, W = np.eye(2, d), np.linalg.inv(Q)
     for k in range(n):
-        here = slice(4 * k, 4 * k + 4)
+        here = slice(d * k, d * k + d)
         A[here, here] += H.T @ H
         b[here] += H.T @ Z[k]
         if k:
-            G = np.zeros((4, 4 * n))
-            G[:, 4 * k - 4 : 4 * k], G[:, here] = -F, np.eye(4)
+            G = np.zeros((d, d * n))
+            G[:, d * k - d : d * k], G[:, here] = -F, np.eye(d)
             A += G.T @ W @ G
-    x = np.linalg.solve(A, b).reshape(n, 4)
+    x = np.linalg.solve(A, b).reshape(n, d)
     for step, m in list(zip(steps, x, strict=True))[1:]:
         best = int(np.argmax(step.objects.existence))
         np.testing.assert_allclose(step.objects.state[best], m, atol=1e-5)
@@ -124,7 +144,7 @@ def test_back_and_forth_is_where_it_began(motion):
     move = within(TargetParams(**{"acceleration_density": 0.1, **motion}))
     F, Q = move(0.4)
     back, Q_back = move(-0.4)
-    kept = np.diag([1.0, 1.0, 0.0, 0.0]) if "diffusion" in motion else np.eye(4)
+    kept = np.diag([1.0, 1.0, 0.0, 0.0]) if "diffusion" in motion else np.eye(len(F))
     np.testing.assert_allclose(back @ F, kept, atol=1e-12)
     np.linalg.cholesky(Q_back)
     assert (np.linalg.eigvalsh(Q) > 0).all()
