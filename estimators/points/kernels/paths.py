@@ -2,7 +2,7 @@
 
 The hypothesis is the one that is best at the end, followed back from time to time to what it was
 before: so are tracks that died in it, from the last time that it had them. Moments by
-:func:`.smoothing.rts`; existence is the largest then or later. Before its first detection a track
+:func:`.smoothing.rts`, existence by :func:`.smoothing.existed`. Before its first detection a track
 is followed straight back.
 """
 
@@ -13,20 +13,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....models.records import Array
-from .smoothing import Epoch, rts
+from .bernoulli import Mixture
+from .smoothing import Epoch, existed, rts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Paths:
     """Tracks at ``epoch`` by label (n,): r (n,), m (n, dx), P (n, dx, dx), given the future.
 
-    They are those of the hypothesis ``row`` (C,) of each group. ``origin`` (n,) is the Bernoulli
+    They are those of the hypothesis ``row`` (C,) of each group, or ``own`` (T,) of a track, where
+    parts of a group have come of different ones. ``origin`` (n,) is the Bernoulli
     that each was after the scans before, -1 where it began later; ``age`` (n,) [s] is negative
     before it began, else 0.
     """
 
     epoch: Epoch
     row: Array
+    own: Array
     label: Array
     origin: Array
     age: Array
@@ -41,27 +44,38 @@ def back(later: Paths | None, now: Epoch, retrodict: float) -> Paths:
     Tracks that began at most ``retrodict`` [s] later are followed straight back.
     """
     x = now.mixture
-    row = np.zeros(x.w.shape[1], np.int64) if later is None else _before(later)
-    picked = x.table[row[x.group], np.arange(len(x.label))]
+    row = np.zeros(x.w.shape[1], np.int64)
+    row, own = (row, row[x.group]) if later is None else _before(later, x)
+    picked = x.table[own, np.arange(len(x.label))]
     carried = np.zeros(0, np.int64) if later is None else later.label
     new = (picked >= 0) & ~np.isin(x.label, carried)
     a = x.local.take(picked[new])
-    ends = x.label[new], a.origin, np.zeros(len(a)), a.r, a.m, a.P
+    r = a.r if later is None else existed(a.r, np.zeros(len(a)), later.epoch.survive)
+    ends = x.label[new], a.origin, np.zeros(len(a)), r, a.m, a.P
     if later is None:
-        return Paths(now, row, *ends)
+        return Paths(now, row, own, *ends)
     both = zip(ends, _followed(later, now, retrodict), strict=True)
     label, origin, age, r, m, P = (np.concatenate(pair) for pair in both)
-    return Paths(now, row, label, origin, age, r, m, P)
+    return Paths(now, row, own, label, origin, age, r, m, P)
 
 
-def _before(later: Paths) -> Array:
-    """The hypothesis (C0,) of each group before, the best of those that nothing has come of."""
-    y = later.epoch.mixture
-    known = y.heir >= 0
-    here = np.where(known, y.heir, 0)
-    if not len(later.row):
-        return np.zeros(len(y.heir), np.int64)
-    return np.where(known, y.parent[later.row[here], np.arange(len(y.heir))], 0)
+def _before(later: Paths, x: Mixture) -> tuple[Array, Array]:
+    """The hypotheses (C,) of the groups of ``x`` that have become those of ``later``.
+
+    Of a group that has parted it is that of its first part, of one that nothing has come of the
+    best; then those (T,) of tracks, each as the part says that it is in later.
+    """
+    y, C = later.epoch.mixture, x.w.shape[1]
+    row = np.zeros(C, np.int64)
+    row[y.came[::-1]] = y.parent[later.row[y.heir], np.arange(len(y.heir))][::-1]
+    own = row[x.group]
+    links = {pair: i for i, pair in enumerate(zip(y.came.tolist(), y.heir.tolist(), strict=True))}
+    place = {label: t for t, label in enumerate(y.label.tolist())}
+    for t, (label, group) in enumerate(zip(x.label.tolist(), x.group.tolist(), strict=True)):
+        u = place.get(label)
+        if u is not None and (group, int(y.group[u])) in links:
+            own[t] = y.parent[later.own[u], links[group, int(y.group[u])]]
+    return row, own
 
 
 def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
@@ -76,7 +90,7 @@ def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
     here = np.flatnonzero(before >= 0)
     a = now.mixture.local.take(before[here])
     m_out[here], P_out[here] = rts(a.m, a.P, m[here], P[here], F, Q)
-    r[here] = np.maximum(r[here], a.r)
+    r[here] = existed(a.r, r[here], later.epoch.survive)
     origin = np.full(len(kept), -1)
     origin[here] = a.origin
     return later.label[kept], origin, age, r, m_out, (P_out + P_out.swapaxes(1, 2)) / 2
