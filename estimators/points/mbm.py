@@ -189,10 +189,7 @@ def _likeliest(seen: Look, a: Bernoullis, own: SensorParams, params: Params) -> 
     log_l = log_likelihood(seen, z_hat, S, np.inf)
     likely = np.maximum(log_l.max(axis=0, initial=-np.inf), -1e300)
     best = np.sort(falling(likely, seen.z)[: params.max_detections])
-    R = seen.R if len(seen.R) == 1 else seen.R[best]
-    some = {name: getattr(seen, name)[best] for name in ("z", "clutter", "spatial")}
-    parts = tuple(seen.parts[i] for i in best) if seen.parts else ()
-    return replace(seen, **some, R=R, parts=parts)
+    return seen.take(best)
 
 
 def _even(seen: Look, looks: Sequence[Look], backlog: Backlog, params: Params) -> Array:

@@ -32,7 +32,7 @@ from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
 from .model.edge import detection_probability, unseen
-from .model.sensing import Look, SensorParams, innovations, log_likelihood, positions, updated
+from .model.sensing import Look, SensorParams, first, innovations, log_likelihood, updated
 from .model.targets import Interval, elapse, limit, newborn
 from .times import Memory
 from .trails import TrailParams
@@ -323,12 +323,9 @@ def _first_detections(
     undetected: births.Components, seen: Look, params: Params, own: SensorParams, even: Array
 ) -> tuple[births.Components, tuple[Array, Array, Array]]:
     """The undetected targets that stay so, and what the detections say if they are the first."""
-    where, R = positions(seen)
-    n = len(where)
-    std = np.array(params.birth_std_velocity)
-    m_even, P_even = np.hstack((where, np.zeros((n, 2)))), np.zeros((n, 4, 4))
-    P_even[:, :2, :2], P_even[:, 2:, 2:] = R, np.diag(std**2)
-    even = even * detection_probability(seen, m_even, P_even, False)
+    m_even, P_even, rated = first(seen, np.array(params.birth_std_velocity))
+    n = len(m_even)
+    even = even * rated * detection_probability(seen, m_even, P_even, False)
     w, m, P = undetected
     if not len(w):
         return undetected, (even, m_even, P_even)
