@@ -21,15 +21,13 @@ from .smoothing import Epoch, existed, rts
 class Paths:
     """Tracks at ``epoch`` by label (n,): r (n,), m (n, dx), P (n, dx, dx), given the future.
 
-    They are those of the hypothesis ``row`` (C,) of each group, or ``own`` (T,) of a track, where
-    parts of a group have come of different ones. ``origin`` (n,) is the Bernoulli
+    They are those of the hypothesis ``row`` (C,) of each group. ``origin`` (n,) is the Bernoulli
     that each was after the scans before, -1 where it began later; ``age`` (n,) [s] is negative
     before it began, else 0.
     """
 
     epoch: Epoch
     row: Array
-    own: Array
     label: Array
     origin: Array
     age: Array
@@ -45,37 +43,36 @@ def back(later: Paths | None, now: Epoch, retrodict: float) -> Paths:
     """
     x = now.mixture
     row = np.zeros(x.w.shape[1], np.int64)
-    row, own = (row, row[x.group]) if later is None else _before(later, x)
-    picked = x.table[own, np.arange(len(x.label))]
+    row = row if later is None else _before(later, x)
+    picked = x.table[row[x.group], np.arange(len(x.label))]
     carried = np.zeros(0, np.int64) if later is None else later.label
     new = (picked >= 0) & ~np.isin(x.label, carried)
     a = x.local.take(picked[new])
     r = a.r if later is None else existed(a.r, np.zeros(len(a)), later.epoch.survive)
     ends = x.label[new], a.origin, np.zeros(len(a)), r, a.m, a.P
     if later is None:
-        return Paths(now, row, own, *ends)
+        return Paths(now, row, *ends)
     both = zip(ends, _followed(later, now, retrodict), strict=True)
     label, origin, age, r, m, P = (np.concatenate(pair) for pair in both)
-    return Paths(now, row, own, label, origin, age, r, m, P)
+    return Paths(now, row, label, origin, age, r, m, P)
 
 
-def _before(later: Paths, x: Mixture) -> tuple[Array, Array]:
+def _before(later: Paths, x: Mixture) -> Array:
     """The hypotheses (C,) of the groups of ``x`` that have become those of ``later``.
 
-    Of a group that has parted it is that of its first part, of one that nothing has come of the
-    best; then those (T,) of tracks, each as the part says that it is in later.
+    Of those that the parts of a group have come of it is that of the part in which most is there
+    later, or if nothing is the likeliest then; and the same for all, so that what it excludes stays
+    excluded. It is the best of a group that nothing has come of.
     """
-    y, C = later.epoch.mixture, x.w.shape[1]
-    row = np.zeros(C, np.int64)
-    row[y.came[::-1]] = y.parent[later.row[y.heir], np.arange(len(y.heir))][::-1]
-    own = row[x.group]
-    links = {pair: i for i, pair in enumerate(zip(y.came.tolist(), y.heir.tolist(), strict=True))}
-    place = {label: t for t, label in enumerate(y.label.tolist())}
-    for t, (label, group) in enumerate(zip(x.label.tolist(), x.group.tolist(), strict=True)):
-        u = place.get(label)
-        if u is not None and (group, int(y.group[u])) in links:
-            own[t] = y.parent[later.own[u], links[group, int(y.group[u])]]
-    return row, own
+    y, row = later.epoch.mixture, np.zeros(x.w.shape[1], np.int64)
+    here = np.isin(later.label, y.label)
+    order = np.argsort(y.label, kind="stable")
+    at = order[np.searchsorted(y.label, later.label[here], sorter=order)]
+    there = np.bincount(y.group[at], later.r[here], y.w.shape[1])[y.heir]
+    part = y.parent[later.row[y.heir], np.arange(len(y.heir))]
+    last = np.lexsort((part, -np.where(there > 0.5, there, 0.0)))[::-1]
+    row[y.came[last]] = part[last]
+    return row
 
 
 def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
