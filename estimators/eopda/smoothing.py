@@ -96,16 +96,20 @@ def record(step: Step, target: Target, params: Params) -> Record:
 
 def smoother(
     target: Target, params: Params, first: Belief, rng: np.random.Generator
-) -> Callable[[Carried | None, Record], tuple[Carried, Objects]]:
-    """The way back of one recording, from one record to the one before, and what is shown there."""
+) -> Callable[[Carried | None, Record], tuple[Carried, Callable[[], Objects]]]:
+    """The way back of one recording, from one record to the one before, and who shows it."""
     rows = 7 + len(target.extent)
     drawn = rng.normal(size=(rows + 1 + len(first.mean), DRAWS // 2))
     known = first.height.is_known
 
-    def backward(later: Carried | None, now: Record) -> tuple[Carried, Objects]:
+    def backward(later: Carried | None, now: Record) -> tuple[Carried, Callable[[], Objects]]:
         x = back(later, now, target, params, first)
-        shown = _cloud(x.now, rows, len(first.mean), first, drawn)
-        return x, extract(shown, now.time_ns, target, params, known).objects
+
+        def show() -> Objects:
+            shown = _cloud(x.now, rows, len(first.mean), first, drawn)
+            return extract(shown, now.time_ns, target, params, known).objects
+
+        return x, show
 
     return backward
 

@@ -111,7 +111,8 @@ def test_what_is_shown_has_the_moments():
     m = np.array([1.0, 2.0, 0.3, 0.1, 0.0, 0.0, 1.0])
     params, first = position.Params(max_range=9.0, range_bias_std=0.0), Belief(HEIGHT, *2 * [ANY])
     way = smoother(position.DEVICE.target, params, first, rng)
-    _, shown = way(None, Record(0, ONE, m[None], (root @ root.T)[None], None, 0, None))
+    _, show = way(None, Record(0, ONE, m[None], (root @ root.T)[None], None, 0, None))
+    shown = show()
     assert shown.state_names == ("x", "y", "vx", "vy", "height", "device_x", "device_y")
     np.testing.assert_allclose(shown.state[0], [1, 2, 0.3, 0.1, 1, 1, 2], rtol=0, atol=1e-9)
     kept = [0, 1, 2, 3, 6, 0, 1]
@@ -324,7 +325,7 @@ def test_wheels_are_followed_back_through_starts_and_searches():
     rec = uwb_walk.simulate(uwb_walk.Params(steps=100), np.random.default_rng(1), "walk")
     errors = {}
     for smooth in ("none", "whole"):
-        x, P, steps = run(rec, particles=1500, smooth=smooth)
+        x, _, steps = run(rec, particles=1500, smooth=smooth)
         p = rec.truth.objects.columns("x", "y")
         assert steps["sought_anew"].any()
         errors[smooth] = np.hypot(*(x[:, :2] - p).T)
