@@ -22,6 +22,7 @@ from .learn import learn, with_noise
 from .links import NO_LINKS, Network, link_steps, network
 from .odometry import Odometer, odometry_of
 from .smoothing import Record, record, smoother
+from .spacing import spaced
 from .state import Belief, Event, Step, Target, belief
 
 _log = logging.getLogger(__name__)
@@ -72,6 +73,7 @@ class DeviceFilter:
             found |= learnt
             factor = params.sigma_factor
             events = (with_noise(event, factor / net.sigma_factor) for event in events)
+        events = spaced(events, params.noise_time)
         if found:
             said = ", ".join(f"{key} {value}" for key, value in found.items())
             _log.info("%s: %s", net.name, said)

@@ -159,6 +159,11 @@ class Params(Ranges, SmoothParams):
         return 1.0
 
     @property
+    def noise_time(self) -> float:
+        """How long [s] the error of a range stays; see :mod:`.spacing`."""
+        return 0.0
+
+    @property
     def has_object(self) -> bool:
         """Whether there is an object that scatters; without one the device is its own centre."""
         return True
