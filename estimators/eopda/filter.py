@@ -188,9 +188,9 @@ def track(
             if doubt.is_alarm:
                 fresh, odds = search(doubt, target, params, first, rng)
                 if odds > LEAST_ODDS:
-                    step = step._replace(state=merge(step.state, fresh, odds, rng))
-                if odds > 0.5:
-                    step = step._replace(anew=True, lost=doubt.since)
+                    # lost or not is left to the ranges to come
+                    both = merge(step.state, fresh, odds, rng)
+                    step = step._replace(state=both, anew=True, lost=doubt.since)
                 doubt = doubt.found(odds)
             yield step
             state, last = reduce(step.state, rng), event.time_ns

@@ -39,7 +39,7 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
     followed, _ = extract(state.mixture, params)
     x = state.mixture.take(followed)
     state, is_new, gone = predict(state, params, together[0].time_ns)
-    where = x.m[:, :2] + gone.dt * x.m[:, 2:]
+    where = (x.m @ gone.F.T)[:, :2]
     moment = observe(context, together, state.memory, x.label, where)
     seen = [look for look, _ in moment.looks]
     n = sum(len(look.z) for look in seen)
@@ -75,7 +75,7 @@ def estimate(
 
 def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
     """:func:`estimate` in a context of the caller's."""
-    return (estimates for _, estimates in through(context, scans, init(), step))
+    return (estimates for _, estimates in through(context, scans, init(context.params.width), step))
 
 
 def _numbers(posterior: Posterior, regions: Mapping[str, Array]) -> dict[str, Array]:
@@ -123,8 +123,8 @@ def _objects(state: State, params: Params) -> tuple[State, Objects]:
         np.array([state.time_ns], np.int64),
         np.array([0, len(row)], np.int64),
         shown,
-        NAMES,
-        UNITS,
+        NAMES[: x.m.shape[1]],
+        UNITS[: x.m.shape[1]],
         x.m[row],
         covariance=x.P[row],
         existence=np.minimum(x.w[row], 1.0),

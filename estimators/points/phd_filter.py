@@ -106,9 +106,10 @@ class State:
     cut: Cut = field(default_factory=dict)
 
 
-def init() -> State:
-    """Nothing is known."""
-    return State(Mixture(*births.none(), np.zeros(0, np.int64)), births.none(), 0, None)
+def init(width: int = 4) -> State:
+    """Nothing is known of targets whose state has so many entries."""
+    none = births.none(width)
+    return State(Mixture(*none, np.zeros(0, np.int64)), none, 0, None)
 
 
 def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Array, Interval]:
@@ -135,7 +136,7 @@ def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Ar
     predicted = replace(
         state,
         mixture=Mixture(w, m, P, label),
-        waiting=births.none(),
+        waiting=births.none(params.width),
         next_label=first + len(new[0]),
         time_ns=time_ns,
         cut={},
