@@ -180,20 +180,21 @@ def learn(
                 if target.extent:
                     search.settle(SLOWER, "axes_std", "width_std")
             search.climb(1.6, "acceleration_std", most=FARTHEST)
-        if "rates" in wanted and is_first:
-            _late(search)
         if "bias" in wanted and is_first and search.best.range_bias_std > 0:
             for wider in WIDER:
                 search.offer(range_bias_spread=wider * params.range_bias_spread)
             for walk in WALKS:
                 search.offer(range_bias_walk=walk)
+        if "rates" in wanted and is_first and _stays(search, search.best) == 0.0:
+            # a detour is drawn anew for each range: it does not explain errors that stay
+            _late(search)
         _explain(search, wanted)
         if search.best == before:
             break
     best = max(search.best, params, key=search.evidence)
     gain = search.evidence(best) - at_first
-    if "sigma" in wanted and params.noise_time == 0.0:
-        best = _space(search, best)
+    if "sigma" in wanted and (stays := _stays(search, best)) > 0:
+        best = _set(best, {"noise_time": stays})
     found = {
         name: _short(getattr(best, name))
         for name in type(params).__dataclass_fields__
@@ -220,15 +221,15 @@ def _late(search: _Search) -> None:
     search.best = max([told, *tried], key=search.evidence)
 
 
-def _space(search: _Search, best: Params) -> Params:
-    """Find how long errors stay, from what the ranges leave unexplained.
+def _stays(search: _Search, best: Params) -> float:
+    """How long [s] errors stay, from what the ranges leave unexplained.
 
     A filter that takes them for independent follows them, so that it shows only that they stay; how
     long is seen by a stiff one, which leaves more of independent errors than there is.
     """
-    if "noise_time" not in type(best).__dataclass_fields__:
-        return best
-    stays = 0.0
+    stays = best.noise_time
+    if "noise_time" not in type(best).__dataclass_fields__ or stays > 0:
+        return stays
     try:
         for stiff in (0.0, LONGEST):
             steps = search.steps(_set(best, {"noise_time": stiff}), search.seed)
@@ -236,8 +237,8 @@ def _space(search: _Search, best: Params) -> Params:
             if stays == 0.0:
                 break
     except EstimatorError:
-        return best
-    return _set(best, {"noise_time": stays})
+        return 0.0
+    return stays
 
 
 def _explain(search: _Search, wanted: Sequence[str]) -> None:
