@@ -40,8 +40,8 @@ FINER = (1.4, 1.15)
 """Factors of the noise in the rounds of the search."""
 SCALE_STD, HEIGHT_STD, BIAS_STD = 0.05, 1.5, 0.3
 """Priors [1, m, m] of a scale, a height and an offset."""
-REST_STD = (0.03, 0.1)
-"""Priors [m] of an offset beside a scale, and beside a height."""
+REST_STD = 0.03
+"""Prior [m] of an offset beside a scale or a height, which explain the same."""
 COARSE = (0.3, 3.0, 10.0)
 """Factors of all noise that are tried first."""
 SLOWER = (0.5, 0.2, 0.08, 0.04)
@@ -222,23 +222,14 @@ def _late(search: _Search) -> None:
 
 
 def _stays(search: _Search, best: Params) -> float:
-    """How long [s] errors stay, from what the ranges leave unexplained.
-
-    A filter that takes them for independent follows them, so that it shows only that they stay; how
-    long is seen by a stiff one, which leaves more of independent errors than there is.
-    """
-    stays = best.noise_time
-    if "noise_time" not in type(best).__dataclass_fields__ or stays > 0:
-        return stays
+    """How long [s] errors stay, from what a filter that does not follow them leaves unexplained."""
+    if "noise_time" not in type(best).__dataclass_fields__ or best.noise_time > 0:
+        return best.noise_time
     try:
-        for stiff in (0.0, LONGEST):
-            steps = search.steps(_set(best, {"noise_time": stiff}), search.seed)
-            stays = noise_time(*residuals(search.events, steps))
-            if stays == 0.0:
-                break
+        steps = search.steps(_set(best, {"noise_time": LONGEST}), search.seed)
+        return noise_time(*residuals(search.events, steps))
     except EstimatorError:
         return 0.0
-    return stays
 
 
 def _explain(search: _Search, wanted: Sequence[str]) -> None:
@@ -261,7 +252,7 @@ def _explain(search: _Search, wanted: Sequence[str]) -> None:
     scale = {"range_scale_std": told.range_scale_std or SCALE_STD}
     height = {"device_height_std": told.device_height_std or HEIGHT_STD}
     if "range_bias_std" in off:
-        scale["range_bias_std"], height["range_bias_std"] = REST_STD
+        scale["range_bias_std"] = height["range_bias_std"] = REST_STD
     if offset.keys() | scale.keys() <= off.keys():
         off["range_error"] = told.range_error
 
