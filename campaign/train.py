@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from ..control import training
 from ..formats import weights as archive
 from ..formats.atomic import refuse_existing
+from ..formats.provenance import versions
 from ..models.errors import ParameterError
 from ..models.parameters import resolve
 from ..simulate import jsc
@@ -38,7 +40,10 @@ def train(output: str, scenario: str, seed: int, settings: Iterable[str], overwr
     progress.announce_compilation()
     learn, test = training.data(scene, params, seed, progress.bar)
     weights = training.train(learn, params, seed, progress.bar)
-    archive.write(path, weights, overwrite)
+    accuracy = training.evaluate(weights, test)
+    made = training.story(scenario, scene, params, seed, accuracy)
+    made["versions"] = {**versions(), **made["versions"]}
+    archive.write(path, replace(weights, made=made), overwrite)
     say("stations  accuracy  stderr  windows")
-    for a in training.evaluate(weights, test):
+    for a in accuracy:
         say(f"{a.stations:8d}  {a.share:8.4f}  {a.stderr:6.4f}  {a.windows:7d}")
