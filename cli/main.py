@@ -27,6 +27,7 @@ COMMANDS = (
     "cut",
     "join",
     "train-classifier",
+    "train-templates",
     "list",
     "describe",
     "completion",
