@@ -36,24 +36,24 @@ class Import:
     config: str | None
     settings: tuple[str, ...]
 
-    def read(self) -> Recording:
-        """The recording."""
+    def read(self) -> Recording | Estimates:
+        """The recording, or the estimates of others that lie in it."""
         module = registry.load("echoset.importers", self.name)
         first = (("--mapping", {"mapping": self.mapping}),) if self.mapping else ()
         params = resolve(module.Params, *first, *layers(self.config, self.settings))
         paths = [Path(source) for source in self.inputs]
         with in_range(InputError, f"{self.inputs[0]}: holds numbers that are out of range"):
-            recording: Recording = module.read(paths, params)
-        return recording
+            found: Recording | Estimates = module.read(paths, params)
+        return found
 
     def windows(self) -> Iterator[Recording] | None:
-        """The recording in windows of time, from an importer that reads so."""
+        """The recording in windows of time, where the importer reads it so."""
         module = registry.load("echoset.importers", self.name)
         if not hasattr(module, "windows"):
             return None
         first = (("--mapping", {"mapping": self.mapping}),) if self.mapping else ()
         params = resolve(module.Params, *first, *layers(self.config, self.settings))
-        found: Iterator[Recording] = module.windows([Path(s) for s in self.inputs], params)
+        found: Iterator[Recording] | None = module.windows([Path(s) for s in self.inputs], params)
         return found
 
 

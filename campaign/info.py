@@ -84,7 +84,13 @@ def _table(
     rows = next((s[0] for p, s in shapes.items() if p.startswith(f"{group}rows/")), None)
     rows = shapes.get(f"{group}label", (rows,))[0]
     kind = f"{found[f'{group}kind']}, " if f"{group}kind" in found else ""
-    return f"{kind}{times} times" + (f", {rows} rows" if rows is not None else "")
+    empty = found.get("empty", {}).get(group[:-1], 0) if rows is not None else 0
+    text = f"{kind}{times} times" + (f" ({empty} empty)" if empty else "")
+    text += f", {rows} rows" if rows is not None else ""
+    below = f"{group}rows/", f"{group}scan/"
+    columns = [p.rpartition("/")[2] for p in shapes if p.startswith(below)]
+    radar = found.get(f"{group}kind") in ("position", "range_bearing", "range_angle_map")
+    return f"{text}: {' '.join(columns)}" if columns and radar else text
 
 
 def _entry(name: str, text: str) -> str:

@@ -26,6 +26,7 @@ COMMANDS = (
     "convert",
     "cut",
     "join",
+    "calibrate",
     "train-classifier",
     "train-templates",
     "list",

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 from typing import TypeVar
 
 from ..models.parameters import Layer
-from ..models.records import Recording
+from ..models.records import Estimates, Recording, Scan
 from .maps.choice import with_default
 from .maps.detector import Chain, files
 from .maps.params import MAPS, MapParams
 from .maps.templates import Templates
 from .points import streams
 from .points.context import Context, FilterParams
+from .points.learn import head, learn
 from .points.model import sensing
 from .presets import Presets
 
-__all__ = ["STREAMS", "JoinedParams", "context", "files", "resolved"]
+__all__ = ["STREAMS", "JoinedParams", "context", "estimated", "files", "resolved"]
 STREAMS = (*sensing.STREAMS, MAPS)
 
 
@@ -58,3 +60,28 @@ def context(setup: Recording, params: P) -> Context[P]:
     """
     source = Templates if params.detector == "templates" else Chain
     return Context.of(setup, params, source.of(setup, params))
+
+
+def estimated(
+    run: Callable[[Context[P], Iterable[Scan]], Iterator[Estimates]],
+    setup: Recording,
+    scans: Iterable[Scan],
+    params: P,
+) -> Iterator[Estimates]:
+    """What a filter's ``run`` yields, once what is to be learnt has been.
+
+    That stands in the provenance of the first.
+
+    Raises
+    ------
+    InputError : fewer streams of maps than are to be fused; weights missing or damaged
+    """
+    if not params.learn:
+        yield from run(context(setup, params), scans)
+        return
+    rest = iter(scans)
+    first = head(rest, params.learn_span)
+    params, found = learn(setup, first, params)
+    about = replace(setup.meta, provenance={"found": found} if found else {})
+    for estimates in run(context(setup, params), chain(first, rest)):
+        yield replace(estimates, meta=about)

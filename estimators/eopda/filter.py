@@ -32,7 +32,7 @@ from .links import NO_LINKS, Links
 from .odometry import Increment
 from .params import Params
 from .state import Belief, Event, Height, State, Step, Target, moments
-from .weighing import excess, weigh_active, weigh_differences, weigh_object
+from .weighing import excess, rates, weigh_active, weigh_differences, weigh_object
 
 GUARD = 4.0
 """Weight of ranges that are not the line of sight in the proposal, in units of clutter."""
@@ -173,7 +173,8 @@ def track(
                 else:
                     steps = _begin(window, target, params, before, rng)
                 yield from steps
-                state, last, doubt = steps[-1].state, window[-1].time_ns, Doubt()
+                state, last = steps[-1].state, window[-1].time_ns
+                doubt = Doubt(since=window[0].time_ns - 1)
                 if window[-1] is event:
                     window = []
                     continue
@@ -186,9 +187,11 @@ def track(
             doubt = doubt.after(event, step.evidence, less)
             if doubt.is_alarm:
                 fresh, odds = search(doubt, target, params, first, rng)
-                doubt = doubt.found(odds)
                 if odds > LEAST_ODDS:
-                    step = step._replace(state=merge(step.state, fresh, odds, rng), anew=odds > 0.5)
+                    # lost or not is left to the ranges to come
+                    both = merge(step.state, fresh, odds, rng)
+                    step = step._replace(state=both, anew=True, lost=doubt.since)
+                doubt = doubt.found(odds)
             yield step
             state, last = reduce(step.state, rng), event.time_ns
         except EstimatorError as error:
@@ -211,12 +214,13 @@ def _begin(
     for event, state in zip(window, states, strict=True):
         state = replace(state, heading=heading)
         own = evidence if event is window[-1] else 0.0
-        steps.append(Step(event.time_ns, state, own, _clutter(event, params), False))
-    rates = sum(_rates(event, params) for event in window)
+        clutter, until = _clutter(event, params), window[-1].time_ns
+        steps.append(Step(event.time_ns, state, own, clutter, False, until, event.moved))
+    expected = sum(rates(event, params) for event in window)
     last = steps[-1]
-    gain = evidence - rates - sum(step.gain for step in steps)
+    gain = evidence - expected - sum(step.gain for step in steps)
     steps = [step._replace(gain=0.0) for step in steps]
-    steps[-1] = last._replace(evidence=evidence - rates, gain=gain)
+    steps[-1] = last._replace(evidence=evidence - expected, gain=gain)
     return steps
 
 
@@ -232,7 +236,7 @@ def _step(
     """The step of one event, and by how much its lines of sight surprise."""
     old = state
     state = predict(state, dt, target, params, rng, first.height, event.moved)
-    evidence, less = -_rates(event, params), 0.0
+    evidence, less = -rates(event, params), 0.0
     if event.moved is not None and np.isfinite(event.moved.heading):
         state, gained = _weighed(state, log_heading(state, event.moved))
         evidence += gained
@@ -260,9 +264,10 @@ def _step(
     if seen and few and not params.has_object:
         before = remembered(old, dt, first, params)
         states, evidence = start([event], target, params, before, rng)
-        evidence -= _rates(event, params)
+        evidence -= rates(event, params)
         state = replace(states[-1], heading=state.heading)
-    return Step(event.time_ns, state, evidence, evidence - _clutter(event, params), False), less
+    gain, now = evidence - _clutter(event, params), event.time_ns
+    return Step(now, state, evidence, gain, False, now, event.moved), less
 
 
 def _weighed(state: State, log_factor: Array) -> tuple[State, float]:
@@ -271,14 +276,6 @@ def _weighed(state: State, log_factor: Array) -> tuple[State, float]:
         log_w = np.log(state.w) + log_factor
     w = normalise(log_w)
     return replace(state, w=w), log_mean(state.w, log_factor)
-
-
-def _rates(event: Event, params: Params) -> float:
-    """Mean number of ranges of an event: what the likelihood of a Poisson process subtracts."""
-    active = len(event.active.tx) + len(event.differences.tx)
-    passive = len(event.passive.tx)
-    clutter = params.clutter * float(params.max_range or 0.0)
-    return (active + passive) * clutter + params.expected(active, passive)
 
 
 def _clutter(event: Event, params: Params) -> float:

@@ -11,7 +11,7 @@ parameters that trade against each other fit a little better and are much worse.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -21,7 +21,8 @@ from ...models.errors import EstimatorError
 from .filter import track
 from .links import Links, Network
 from .params import LEARNABLE, Params
-from .state import Event, Target, belief
+from .spacing import LONGEST, noise_time, residuals, spaced
+from .state import Event, Step, Target, belief
 
 PARTICLES = 1000
 """Particles while learning."""
@@ -31,6 +32,8 @@ GAIN = 5.0
 """Nats that a change must gain; with these particles they are known to two or three."""
 HOPELESS = 50.0
 """Nats behind the best so far at which a trial is given up."""
+EARLY, TRIES = 0.15, 3
+"""A trial given up within this share of the events begins again, so many times in all."""
 SURE = 20.0
 """Nats by which an offset or a scale must be better for the other to be left out."""
 FINER = (1.4, 1.15)
@@ -73,27 +76,38 @@ class _Search:
         """Log-likelihood [nats] of all events.
 
         It is minus infinity where the filter diverges, or falls far behind the best so far on the
-        way, so that what is hopeless costs little.
+        way, so that what is hopeless costs little. Soon after the start that says little of the
+        parameters: few particles may have started in a mode that they cannot leave. Then the start
+        is tried again.
         """
         if params not in self.tried:
-            rng = np.random.default_rng(self.seed)
-            few = replace(params, particles=min(PARTICLES, params.particles))
-            first = belief(self.net, few)
-            factor = few.sigma_factor / self.net.sigma_factor
-            events = (with_noise(event, factor) for event in self.events)
-            ahead, curve, total = self.curves.get(self.best, []), [], 0.0
-            try:
-                steps = track(events, self.target, few, first, rng, self.net.name)
-                for k, step in enumerate(steps):
-                    total += step.evidence
-                    curve.append(total)
-                    if k < len(ahead) and total < ahead[k] - HOPELESS:
-                        total = -np.inf
-                        break
-            except EstimatorError:
-                total = -np.inf
+            for seed in range(TRIES):
+                total, curve = self._run(params, self.seed + seed)
+                if total > -np.inf or len(curve) > EARLY * len(self.events):
+                    break
             self.tried[params], self.curves[params] = total, curve
         return self.tried[params]
+
+    def _run(self, params: Params, seed: int) -> tuple[float, list[float]]:
+        """The evidence, and its sums up to each event or up to where it was given up."""
+        ahead, curve, total = self.curves.get(self.best, []), [], 0.0
+        try:
+            for k, step in enumerate(self.steps(params, seed)):
+                total += step.evidence
+                curve.append(total)
+                if k < len(ahead) and total < ahead[k] - HOPELESS:
+                    return -np.inf, curve
+        except EstimatorError:
+            return -np.inf, curve
+        return total, curve
+
+    def steps(self, params: Params, seed: int) -> Iterator[Step]:
+        """The filter's steps with few particles."""
+        rng = np.random.default_rng(seed)
+        few = replace(params, particles=min(PARTICLES, params.particles))
+        factor = few.sigma_factor / self.net.sigma_factor
+        events = spaced((with_noise(event, factor) for event in self.events), few.noise_time)
+        return track(events, self.target, few, belief(self.net, few), rng, self.net.name)
 
     def offer(self, **changes: Any) -> bool:
         """Take ``changes`` if they gain enough."""
@@ -177,12 +191,14 @@ def learn(
         if search.best == before:
             break
     best = max(search.best, params, key=search.evidence)
+    gain = search.evidence(best) - at_first
+    if "sigma" in wanted and params.noise_time == 0.0:
+        best = _space(search, best)
     found = {
         name: _short(getattr(best, name))
         for name in type(params).__dataclass_fields__
         if getattr(best, name) != getattr(params, name)
     }
-    gain = search.evidence(best) - at_first
     return best, {**found, "learning_gain": round(float(gain), 1)}
 
 
@@ -202,6 +218,26 @@ def _late(search: _Search) -> None:
         for share, k, less in LATE
     ]
     search.best = max([told, *tried], key=search.evidence)
+
+
+def _space(search: _Search, best: Params) -> Params:
+    """Find how long errors stay, from what the ranges leave unexplained.
+
+    A filter that takes them for independent follows them, so that it shows only that they stay; how
+    long is seen by a stiff one, which leaves more of independent errors than there is.
+    """
+    if "noise_time" not in type(best).__dataclass_fields__:
+        return best
+    stays = 0.0
+    try:
+        for stiff in (0.0, LONGEST):
+            steps = search.steps(_set(best, {"noise_time": stiff}), search.seed)
+            stays = noise_time(*residuals(search.events, steps))
+            if stays == 0.0:
+                break
+    except EstimatorError:
+        return best
+    return _set(best, {"noise_time": stays})
 
 
 def _explain(search: _Search, wanted: Sequence[str]) -> None:

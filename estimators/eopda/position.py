@@ -41,6 +41,12 @@ class Params(device_params.Params):
     detour: float = parameter(
         0.3, "m", "mean of what late ranges have too much; it is exponential", within="(0, inf)"
     )
+    noise_time: float = parameter(
+        0.0,
+        "s",
+        "how long the error of a range stays: those of a link that come faster count for less",
+        within="[0, inf)",
+    )
     range_bias_std: float = parameter(
         0.3,
         "m",

@@ -7,17 +7,25 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.records import Array
+from .kernels.compiled.difference import difference
 from .kernels.compiled.range_error import direct
 from .kernels.compiled.range_error import excess as compiled_excess
-from .kernels.difference import difference
 from .links import Links
 from .params import Params
-from .state import State, Target
+from .state import Event, State, Target
 
 BODY = 1.0
 """Length [m] over which the scattered ranges of a body are spread, as seen by its direct range."""
 NOTHING = (np.zeros((0, 0)), np.zeros((0, 0)))
 """The excess of ranges that have none."""
+
+
+def rates(event: Event, params: Params) -> float:
+    """Mean number of ranges of an event: what the likelihood of a Poisson process subtracts."""
+    active = len(event.active.tx) + len(event.differences.tx)
+    passive = len(event.passive.tx)
+    clutter = params.clutter * float(params.max_range or 0.0)
+    return (active + passive) * clutter + params.expected(active, passive)
 
 
 def excess(state: State, anchors: Array, links: Links) -> tuple[Array, Array]:
@@ -36,6 +44,12 @@ def excess(state: State, anchors: Array, links: Links) -> tuple[Array, Array]:
     there = np.minimum(links.tx, len(anchors) - 1)
     length = np.where(active[:, None], device[links.rx], centre[there] + centre[links.rx])
     return compiled_excess(length, state.mean, state.covariance, links.rx)
+
+
+def distances(state: State, anchors: Array) -> Array:
+    """Distances (J, N) of the device to the anchors."""
+    away = state.device[:, None] - anchors[:, :2].T[..., None]
+    return np.asarray(np.sqrt((away**2).sum(0) + (state.y[-1] - anchors[:, 2, None]) ** 2))
 
 
 def weigh_object(

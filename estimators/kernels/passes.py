@@ -10,10 +10,12 @@ from __future__ import annotations
 import pickle
 import re
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from math import inf
 from os import SEEK_END
+from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Any, Self, cast
 
@@ -32,6 +34,23 @@ Forward = Iterator[tuple[Estimates, Any]]
 Backward = Callable[[Any, Any], tuple[Any, Objects]]
 """From what later times carry (None: there are none) and a record to what is carried on, and the
 objects of the record's time."""
+
+
+def _unseen(items: Iterable[Any], total: int) -> Iterable[Any]:
+    return items
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """What a pass finds about it: the ``folder`` of its temporary file, None: the system's; and
+    ``watch``, through which the steps of the way back go, with how many they are."""
+
+    folder: Path | None = None
+    watch: Callable[[Iterable[Any], int], Iterable[Any]] = _unseen
+
+
+AROUND: ContextVar[Around] = ContextVar("around", default=Around())  # noqa: B039
+"""Set by who runs an estimator; there is no other way to it, and an estimate is not changed."""
 
 
 # Without slots: classes that have some cannot be composed.
@@ -91,6 +110,9 @@ class Stack:
         if self.in_memory > SPILL and len(self._top) > BLOCK:
             self._spill()
 
+    def __len__(self) -> int:
+        return len(self._top) + BLOCK * len(self._blocks)
+
     def __iter__(self) -> Iterator[Any]:
         """The items, which are taken off."""
         while self._top or self._blocks:
@@ -103,7 +125,8 @@ class Stack:
     def _spill(self) -> None:
         """Move all but the last items to the file, block by block."""
         if self._file is None:
-            self._file = cast(IO[bytes], TemporaryFile())  # noqa: SIM115
+            folder = AROUND.get().folder
+            self._file = cast(IO[bytes], TemporaryFile(dir=folder))  # noqa: SIM115
         while len(self._top) > BLOCK:
             self._blocks.append(self._file.seek(0, SEEK_END))
             pickle.dump(self._top[:BLOCK], self._file)
@@ -139,7 +162,7 @@ def _whole(forward: Forward, backward: Backward) -> Iterator[Estimates]:
         for estimates, record in forward:
             meta = estimates.meta
             past.push((estimates.steps, record))
-        for steps, record in past:
+        for steps, record in AROUND.get().watch(past, len(past)):
             carried, objects = backward(carried, record)
             found.push((steps, objects))
         for steps, objects in found:

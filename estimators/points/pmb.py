@@ -76,7 +76,8 @@ def forward(context: Context[Params], scans: Iterable[Scan]) -> Iterator[tuple[E
         a, time_ns, classes = state.tracks, state.time_ns, state.memory.classes
         assert time_ns is not None
         found = context.source.named(objects(time_ns, shown(a, params.extract_existence)), classes)
-        estimates = Estimates(context.setup.meta, found, numbers(a, context.regions))
+        said = numbers(a, context.regions) | {"evidence": np.array([state.evidence])}
+        estimates = Estimates(context.setup.meta, found, said)
         yield (
             estimates,
             Trail(time_ns, a.label, a.r, a.m, a.P, gone.F, gone.Q, classes, state.way),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from tempfile import TemporaryFile
+
 import numpy as np
 import pytest
 
@@ -101,6 +103,31 @@ def test_a_stack_may_grow_again_while_it_is_taken_off(monkeypatch):
                 assert next(iter(stack))[0] == expected.pop()
         assert stack.spilled
         assert [k for k, _ in stack] == expected[::-1]
+
+
+def test_the_file_is_where_it_is_told_and_the_way_back_is_watched(monkeypatch, tmp_path):
+    monkeypatch.setattr(passes, "SPILL", 1000)
+    monkeypatch.setattr(passes, "BLOCK", 2)
+    folders, steps = [], []
+
+    def file(dir):
+        folders.append(dir)
+        return TemporaryFile(dir=dir)
+
+    def watch(items, total):
+        for k, item in enumerate(items):
+            steps.append((k, total))
+            yield item
+
+    monkeypatch.setattr(passes, "TemporaryFile", file)
+    token = passes.AROUND.set(passes.Around(tmp_path, watch))
+    try:
+        out = list(smoothed(forward(range(99)), backward, np.inf))
+    finally:
+        passes.AROUND.reset(token)
+    assert [float(e.objects.state[0, 0]) for e in out] == [sum(range(k, 99)) for k in range(99)]
+    assert folders == [tmp_path, tmp_path] and not list(tmp_path.iterdir())
+    assert steps == [(k, 99) for k in range(99)]
 
 
 @pytest.mark.parametrize(

@@ -20,12 +20,13 @@ from .smoothing import Epoch, rts
 class Paths:
     """Tracks at ``epoch`` by label (n,): r (n,), m (n, dx), P (n, dx, dx), given the future.
 
-    They are those of the hypothesis ``row``. ``origin`` (n,) is the Bernoulli that each was after
-    the scans before, -1 where it began later; ``age`` (n,) [s] is negative before it began, else 0.
+    They are those of the hypothesis ``row`` (C,) of each group. ``origin`` (n,) is the Bernoulli
+    that each was after the scans before, -1 where it began later; ``age`` (n,) [s] is negative
+    before it began, else 0.
     """
 
     epoch: Epoch
-    row: int
+    row: Array
     label: Array
     origin: Array
     age: Array
@@ -39,17 +40,28 @@ def back(later: Paths | None, now: Epoch, retrodict: float) -> Paths:
 
     Tracks that began at most ``retrodict`` [s] later are followed straight back.
     """
-    row = 0 if later is None else int(later.epoch.parent[later.row])
-    picked = now.table[row]
+    x = now.mixture
+    row = np.zeros(x.w.shape[1], np.int64) if later is None else _before(later)
+    picked = x.table[row[x.group], np.arange(len(x.label))]
     carried = np.zeros(0, np.int64) if later is None else later.label
-    new = (picked >= 0) & ~np.isin(now.label, carried)
-    a = now.local.take(picked[new])
-    ends = now.label[new], a.origin, np.zeros(len(a)), a.r, a.m, a.P
+    new = (picked >= 0) & ~np.isin(x.label, carried)
+    a = x.local.take(picked[new])
+    ends = x.label[new], a.origin, np.zeros(len(a)), a.r, a.m, a.P
     if later is None:
         return Paths(now, row, *ends)
     both = zip(ends, _followed(later, now, retrodict), strict=True)
     label, origin, age, r, m, P = (np.concatenate(pair) for pair in both)
     return Paths(now, row, label, origin, age, r, m, P)
+
+
+def _before(later: Paths) -> Array:
+    """The hypothesis (C0,) of each group before, the best of those that nothing has come of."""
+    y = later.epoch.mixture
+    known = y.heir >= 0
+    here = np.where(known, y.heir, 0)
+    if not len(later.row):
+        return np.zeros(len(y.heir), np.int64)
+    return np.where(known, y.parent[later.row[here], np.arange(len(y.heir))], 0)
 
 
 def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
@@ -62,7 +74,7 @@ def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
     inverse = np.linalg.inv(F)
     m_out, P_out = m @ inverse.T, inverse @ (P + Q) @ inverse.T
     here = np.flatnonzero(before >= 0)
-    a = now.local.take(before[here])
+    a = now.mixture.local.take(before[here])
     m_out[here], P_out[here] = rts(a.m, a.P, m[here], P[here], F, Q)
     r[here] = np.maximum(r[here], a.r)
     origin = np.full(len(kept), -1)

@@ -19,7 +19,7 @@ from ....models.records import Array, Recording
 from ..kernels import births
 from ..kernels.compiled import gaussians
 from ..kernels.gaussians import moments
-from .sensing import STREAMS, Look, Motion, positions
+from .sensing import STREAMS, Look, Motion, first
 
 NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
 SECOND = 1.0
@@ -253,8 +253,8 @@ def born(
         return births.none(), 0.0
     rate = params.birth_rate * appeared(params.p_survive, 0.0, interval.steps)
     new = np.clip(np.concatenate(novelty), 0.0, 1.0)
-    where, R = (np.concatenate(parts) for parts in zip(*map(positions, looks), strict=True))
-    most = limit(params.max_births, len(new), 1, 1)
     std = np.array(params.birth_std_velocity)
-    found = births.at_detections(rate, where, R, new, std, most)
+    m, P = (np.concatenate([first(look, std)[k] for look in looks]) for k in (0, 1))
+    most = limit(params.max_births, len(new), 1, 1)
+    found = births.at_detections(rate, m, P, new, most)
     return found, max(float(births.shares(rate, new).sum() - found[0].sum()), 0.0)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from echoset.estimators.eopda.kernels.compiled import difference as compiled
 from echoset.estimators.eopda.kernels.difference import difference
 from echoset.estimators.run import Estimation
 from echoset.simulate.uwb_walk import Params, simulate
@@ -55,6 +56,25 @@ def test_the_likelihood_is_that_of_the_joint_gaussian(correlation: float, biased
             K = P[k] @ H.T @ np.linalg.inv(S)
             np.testing.assert_allclose(m[k], theta[k] + K @ nu, atol=1e-10)
             np.testing.assert_allclose(C[k], P[k] - K @ H @ P[k], atol=1e-12)
+
+
+@pytest.mark.parametrize("floor", [1e-3, 0.5])
+@pytest.mark.parametrize("biased", [False, True])
+def test_twins_are_equal(biased: bool, floor: float) -> None:
+    rng = np.random.default_rng(2)
+    n, D = 50, 5 if biased else 0
+    device, height = rng.uniform(1, 4, (2, n)), rng.uniform(0, 1, n)
+    A = 0.1 * rng.normal(size=(n, D, D))
+    belief = 0.1 * rng.normal(size=(n, D)), A @ A.swapaxes(1, 2)
+    # of one reference none, two and one difference, of another two
+    offset, z = np.array([0, 0, 2, 3, 5]), np.array([0.3, -0.2, 0.5, 0.9, -1.4])
+    links = ANCHORS, REFERENCE, RX, offset, z, rng.uniform(0.01, 0.1, 5), 0.5
+    for a, b in zip(
+        difference(device, height, *links, *belief, floor, 0.9),
+        compiled.difference(device, height, *links, *belief, floor, 0.9),
+        strict=True,
+    ):
+        np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9)
 
 
 WALK = Params(

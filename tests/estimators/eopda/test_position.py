@@ -169,18 +169,21 @@ def test_a_scale_is_found_and_taken_for_one():
 def test_late_ranges_are_learnt_and_pull_the_device_less():
     """A third of the ranges has an exponential detour: it is found, and errors shrink."""
     t = np.arange(80) * 0.1
-    record = recording(walk(t), t, sigma=0.05)
-    s = record.streams["uwb"]
-    rng = np.random.default_rng(4)
-    detour = np.where(rng.random(320) < 0.33, rng.exponential(0.3, 320), 0.0)
-    rows = {"distance": s.rows["distance"] + detour}
-    record = replace(record, streams={"uwb": replace(s, rows=rows)})
-    gaussian, *_ = run(record, **CALIBRATED)
-    told, *_ = run(record, **CALIBRATED, late=0.33, detour=0.3)
-    assert rmse(told, walk(t)) < 0.8 * rmse(gaussian, walk(t))
-    learnt, *_, found = run(record, range_bias_std=0.0, learn=["rates", "sigma"], particles=500)
-    assert found["late"] > 0 and found["learning_gain"] > 10
-    assert rmse(learnt, walk(t)) < 0.9 * rmse(gaussian, walk(t))
+    errors = []
+    for seed in (4, 5, 6):
+        record = recording(walk(t), t, sigma=0.05)
+        s = record.streams["uwb"]
+        rng = np.random.default_rng(seed)
+        detour = np.where(rng.random(320) < 0.33, rng.exponential(0.3, 320), 0.0)
+        rows = {"distance": s.rows["distance"] + detour}
+        record = replace(record, streams={"uwb": replace(s, rows=rows)})
+        gaussian, *_ = run(record, **CALIBRATED)
+        told, *_ = run(record, **CALIBRATED, late=0.33, detour=0.3)
+        learnt, *_, found = run(record, range_bias_std=0.0, learn=["rates", "sigma"], particles=500)
+        assert found["late"] > 0 and found["learning_gain"] > 10
+        errors.append([rmse(p, walk(t)) for p in (gaussian, told, learnt)])
+    gaussian, told, learnt = np.mean(errors, 0)
+    assert told < 0.8 * gaussian and learnt < 0.9 * gaussian
 
 
 def test_an_offset_or_a_scale_where_both_explain_the_ranges():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,17 @@ STORE.register(
     )
     | get_types_from_msg(
         "std_msgs/Header header\nradar_msgs/RadarReturn[] returns\n", "radar_msgs/msg/RadarScan"
+    )
+    | get_types_from_msg(
+        "unique_identifier_msgs/UUID uuid\ngeometry_msgs/Point position\n"
+        "geometry_msgs/Vector3 velocity\ngeometry_msgs/Vector3 acceleration\n"
+        "geometry_msgs/Vector3 size\nuint16 classification\nfloat32[6] position_covariance\n"
+        "float32[6] velocity_covariance\nfloat32[6] acceleration_covariance\n"
+        "float32[6] size_covariance\n",
+        "radar_msgs/msg/RadarTrack",
+    )
+    | get_types_from_msg(
+        "std_msgs/Header header\nradar_msgs/RadarTrack[] tracks\n", "radar_msgs/msg/RadarTracks"
     )
     | get_types_from_msg("string id\nfloat32 distance\nfloat32 rssi\n", "tags/msg/Range")
     | get_types_from_msg("std_msgs/Header header\ntags/Range[] ranges\n", "tags/msg/Ranges")
@@ -135,7 +148,10 @@ def imported(path: Path, **params: Any) -> Recording:
     [
         (StoragePlugin.MCAP, None),
         (StoragePlugin.MCAP, CompressionMode.STORAGE),
+        (StoragePlugin.MCAP, CompressionMode.FILE),
+        (StoragePlugin.MCAP, CompressionMode.MESSAGE),
         (StoragePlugin.SQLITE3, None),
+        (StoragePlugin.SQLITE3, CompressionMode.FILE),
         (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
     ],
 )
@@ -189,6 +205,75 @@ def test_scans_of_returns_and_single_ranges(tmp_path: Path):
     assert sonar.rows["std_azimuth"][0] == pytest.approx(0.5 / 12**0.5)
 
 
+def track(name: int, place: Any, speed: Any, kind: int) -> Any:
+    """A track whose place varies by 4, 1 and 0.25 m2 along x, y and z, x with y by 1."""
+    point, vector = "geometry_msgs/msg/Point", "geometry_msgs/msg/Vector3"
+    still = make(vector, x=0.0, y=0.0, z=0.0)
+    return make(
+        "radar_msgs/msg/RadarTrack",
+        uuid=make("unique_identifier_msgs/msg/UUID", uuid=np.full(16, name, np.uint8)),
+        position=make(point, x=place[0], y=place[1], z=0.0),
+        velocity=make(vector, x=speed[0], y=speed[1], z=0.0), acceleration=still, size=still,
+        classification=kind, position_covariance=np.array([4, 1, 0, 1, 0, 0.25], np.float32),
+        velocity_covariance=np.array([1, 0, 0, 1, 0, 1], np.float32),
+        acceleration_covariance=np.zeros(6, np.float32), size_covariance=np.zeros(6, np.float32),
+    )  # fmt: skip
+
+
+def test_tracks_are_estimates(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    """The radar looks to the left of a car that drives east, 2 m ahead of its middle."""
+    from echoset import formats
+    from echoset.cli.main import main
+    from echoset.models.records import Estimates
+
+    messages = [m for m in drive() if m[0] != "/radar/points"]
+    for k in range(4):
+        time = T0 + k * 10**8 + 5 * 10**7
+        found = [
+            track(
+                7,
+                (
+                    1.0,
+                    -3.0 * (k + 0.5) + k + 2.5,
+                ),
+                (0.5, -30.0),
+                32001,
+            )
+        ]
+        found += [track(9, (5.0, 0.0), (0.0, 0.0), 1)] if k == 2 else []
+        told = make("radar_msgs/msg/RadarTracks", header=header(time, "radar"), tracks=found)
+        messages.append(("/radar/tracks", time, told))
+    bag = write(tmp_path / "bag", sorted(messages, key=lambda m: m[1]))
+    assert main(["info", str(bag)]) == 0
+    assert "estimates, by --set tracks=/radar/tracks" in capfd.readouterr().out
+    out = tmp_path / "tracks.h5"
+    settings = ["--set", "tracks=/radar/tracks", "--set", "truth=/truth"]
+    assert main(["convert", "--from", "ros2", str(bag), *settings, "-o", str(out)]) == 0
+    assert main(["validate", str(out)]) == 0
+    record = formats.read(out)
+    assert isinstance(record, Estimates) and record.estimator == "radar_tracks"
+    o = record.objects
+    np.testing.assert_array_equal(o.row_offset, [0, 1, 2, 4, 5])
+    np.testing.assert_array_equal(o.label, [0, 0, 0, 1, 0])
+    assert [o.class_names[k] for k in o.class_index] == ["32001"] * 3 + ["static", "32001"]
+    # x of the radar is north, y is west: the first is where the truth is, a metre to the north.
+    first = o.label == 0
+    x = 3.0 * (np.arange(4) + 0.5)
+    np.testing.assert_allclose(o.state[first][:, 0], x, atol=1e-9)
+    np.testing.assert_allclose(o.state[first][:, 1], 1.0, atol=1e-9)
+    np.testing.assert_allclose(o.state[first][:, 3:5], np.tile([30.0, 0.5], (4, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        o.covariance[0][:3, :3], [[1, -1, 0], [-1, 4, 0], [0, 0, 0.25]], atol=1e-9
+    )
+    assert main(["score", str(out), "-m", "gospa", "-o", "-"]) == 0
+    scores = capfd.readouterr().out
+    assert "radar_tracks,gospa" in scores
+    with pytest.raises(ParameterError, match=r"tracks: the topic '/truth' is geometry_msgs"):
+        imported(bag, tracks="/truth")
+    with pytest.raises(ParameterError, match=r"'/radar/track' is not there .did you mean"):
+        imported(bag, tracks="/radar/track")
+
+
 def test_any_message_by_paths(tmp_path: Path):
     """Ranges of a tag in messages of a type of its own, and its truth from another topic."""
 
@@ -231,6 +316,30 @@ def test_any_message_by_paths(tmp_path: Path):
     wrong = {**said, "columns": {**said["columns"], "distance": "ranges[].dist"}}
     with pytest.raises(ParameterError, match=r"/uwb .*did you mean 'distance'"):
         imported(tmp_path / "bag", mapping=wrong)
+
+
+def test_types_that_the_bag_does_not_define(tmp_path: Path):
+    """Old bags have no definitions, and then ``.msg`` files tell them."""
+    ranges = [make("tags/msg/Range", id="A", distance=1.5, rssi=-80.0)]
+    message = make("tags/msg/Ranges", header=header(T0, "t"), ranges=ranges)
+    bag = write(tmp_path / "bag", [("/uwb", T0, message)], StoragePlugin.SQLITE3)
+    with closing(sqlite3.connect(bag / "bag.db3")) as database:
+        database.execute("DELETE FROM message_definitions")
+        database.commit()
+    columns = {"time": "time", "anchor": "ranges[].id", "distance": "ranges[].distance"}
+    said = {"kind": "uwb", "topic": "/uwb", "columns": columns, "anchors": {"A": [0, 0]}}
+    with pytest.raises(ParameterError, match=r"tags/Ranges is not defined in the bag: .*definit"):
+        imported(bag, mapping=said)
+    folder = tmp_path / "tags" / "msg"
+    folder.mkdir(parents=True)
+    (folder / "Range.msg").write_text("string id\nfloat32 distance\nfloat32 rssi\n")
+    (folder / "Ranges.msg").write_text("std_msgs/Header header\nRange[] ranges\n")
+    told = (str(folder / "Range.msg"), str(folder / "Ranges.msg"))
+    found = imported(bag, mapping=said, definitions=told)
+    assert found.streams["uwb"].rows["distance"].tolist() == [1.5]
+    (folder / "Range.msg").write_text("string id\nfloat distance\n")
+    with pytest.raises(ParameterError, match=r"the type tags/msg/float is not defined: tell its"):
+        imported(bag, mapping=said, definitions=told)
 
 
 def test_a_missing_transform_is_named(tmp_path: Path):
