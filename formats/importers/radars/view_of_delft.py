@@ -7,7 +7,8 @@ Palffy et al., Multi-class road user detection with 3+1D radar in the View-of-De
                                         [m/s], time (0: this scan, -1: the one before, ...)
     radar/training/calib/NNNNN.txt      a line Tr_velo_to_cam: radar to camera, 3 x 4
     lidar/training/calib/NNNNN.txt      the same of the lidar, about whose axis boxes turn
-    lidar/training/pose/NNNNN.json      a line {"odomToCamera": 16 values}: camera to odometry
+    lidar/training/pose/NNNNN.json      a line {"odomToCamera": 16 values}: camera to odometry;
+                                        or radar/training/pose
     label_2_with_track_ids/label_2/NNNNN.txt   KITTI's fields, the track in place of truncation;
                                         or lidar/training/label_2, without tracks: no truth
 
@@ -137,7 +138,9 @@ def _calibration(root: Path, sensor: str, frame: int, files: list[dict[str, str]
 
 def _camera(root: Path, frame: int, files: list[dict[str, str]]) -> Array:
     """From the camera to the odometry (4, 4)."""
-    file = read_text(root / "lidar" / "training" / "pose" / f"{frame:05d}.json")
+    name = Path("training", "pose", f"{frame:05d}.json")
+    other = root / "radar" / name
+    file = read_text(other if other.is_file() else root / "lidar" / name)
     files.append(file.provenance)
     with damage(file.path, "odomToCamera"):
         found = [parse(line, file.path) for line in file.lines() if line.strip()]

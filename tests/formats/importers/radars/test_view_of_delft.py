@@ -120,6 +120,14 @@ def test_the_radar_is_where_the_car_carries_it(tmp_path: Path):
         np.testing.assert_allclose(R, car(k)[:3, :3], atol=1e-9)
 
 
+def test_poses_beside_the_radar(tmp_path: Path):
+    """Where the folder of the radar has poses, too, they are those."""
+    frames(tmp_path)
+    usual = imported(tmp_path).sensors["radar"].position
+    (tmp_path / "lidar/training/pose").rename(tmp_path / "radar/training/pose")
+    np.testing.assert_array_equal(imported(tmp_path).sensors["radar"].position, usual)
+
+
 def test_the_truth_by_track(tmp_path: Path):
     """Middles of boxes at rest in the odometry's frame, while the car turns."""
     frames(tmp_path)
