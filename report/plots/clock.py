@@ -14,7 +14,8 @@ from .protocol import Inputs
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_DAY = 86_400.0
+_LATE = 3_600.0
+"""Seconds from which on a first time is that of a clock, of the day or another."""
 _DATED = 1e8
 """Seconds after 1970 above which a time is that of a clock that knows the date."""
 
@@ -40,11 +41,11 @@ def time_axis(axes: Axes, inputs: Inputs) -> None:
 def origin(first: float, inputs: Inputs) -> tuple[float, str]:
     """The time [s] from which a picture counts that shows what begins at ``first``, and its words.
 
-    Times from a day on, or of a recording that says when it was, count from their first second.
+    Times from an hour on, as those of a day are, count from their first second.
     """
     metas = [r.meta for r in inputs.recordings] + [e.meta for e in inputs.estimates]
     epoch = metas[0].epoch if metas else Meta("").epoch
-    if not np.isfinite(first) or abs(first) < _DAY:
+    if not np.isfinite(first) or abs(first) < _LATE:
         return 0.0, ""
     start = float(np.floor(first))
     if epoch == Meta("").epoch and start < _DATED:

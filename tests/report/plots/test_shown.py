@@ -40,6 +40,7 @@ def over_time(made: plots.Inputs, kind: str = "scene"):
         (0, "", "time [s]"),
         (UNIX, "", "time since 2024-11-23 05:33:20 UTC [s]"),
         (345_600, "", "time after 345600 s [s]"),
+        (58_107, "", "time after 58107 s [s]"),
         (90_000, "2024-11-22T00:00:00Z", "time since 2024-11-23 01:00:00 UTC [s]"),
         (90_000, "2024-11-22T02:00:00+02:00", "time since 2024-11-23 01:00:00 UTC [s]"),
     ],
