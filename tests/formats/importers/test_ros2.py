@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
+import sys
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -515,9 +516,26 @@ def test_a_bag_that_was_cut(tmp_path: Path, plugin: Any, capfd: pytest.CaptureFi
     assert "recovered" not in formats.read(out).meta.provenance
 
 
-def test_without_rosbags_the_command_that_installs_it_is_said(tmp_path: Path, monkeypatch):
-    import sys
+@pytest.mark.verification
+def test_a_long_bag_takes_little_memory(tmp_path: Path):
+    """A GiB of points in a process of its own, whose most resident memory the system tells."""
+    noise = np.random.default_rng(1).normal(0, 20, (4000, 5)).astype(np.float32)
+    count = 2**30 // (24 * len(noise))
+    kind = "sensor_msgs/msg/PointCloud2"
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/a", kind, typestore=STORE)
+        for k in range(count):
+            at = T0 + k * 10**8
+            writer.write(connection, at, STORE.serialize_cdr(cloud(at, noise), kind))
+    text = "import sys; from echoset.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    words = ["convert", "--from", "ros2", str(tmp_path / "bag"), "-o", str(tmp_path / "a.h5")]
+    pid = os.spawnv(os.P_NOWAIT, sys.executable, [sys.executable, "-c", text, *words])
+    _, status, usage = os.wait4(pid, 0)
+    assert status == 0
+    assert usage.ru_maxrss <= 400 * 1024
 
+
+def test_without_rosbags_the_command_that_installs_it_is_said(tmp_path: Path, monkeypatch):
     bag = write(tmp_path / "bag", drive())
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     with pytest.raises(ParameterError, match=r"pip install 'echoset\[ros\]'"):
