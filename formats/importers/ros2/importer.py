@@ -136,8 +136,8 @@ def _whole(paths: Sequence[Path], params: Params) -> Iterator[Recording]:
     told = _told(content)
     with _opened(path, params) as bag:
         chosen = _chosen(bag, params, told)
-        sensors, truth = _around(bag, chosen, params, told)
-        meta = Meta(path.stem, provenance=_provenance(bag, params, content))
+        sensors, truth, frame = _around(bag, chosen, params, told)
+        meta = Meta(path.stem, frame=frame, provenance=_provenance(bag, params, content))
         checks = WindowChecks(path)
         for window in _windows(bag, chosen, params, told, Recording(meta, sensors, {}, truth)):
             checks.check(window)
@@ -172,9 +172,9 @@ def _tracked(path: Path, params: Params) -> Estimates:
             )
             raise ParameterError(f"tracks: the topic {params.tracks!r} {kind}{hint}")
         chosen = _chosen(bag, params, told) if params.topics else {}
-        sensors, truth = _around(bag, {**chosen, topic.name: topic}, params, told)
+        sensors, truth, frame = _around(bag, {**chosen, topic.name: topic}, params, told)
         sensor = sensors.pop(legal(topic.name))
-        meta = Meta(path.stem, provenance=_provenance(bag, params, content))
+        meta = Meta(path.stem, frame=frame, provenance=_provenance(bag, params, content))
         beside = Recording(meta, sensors, {}, truth)
         if chosen:
             beside = concatenate(list(_windows(bag, chosen, params, told, beside)))
@@ -282,8 +282,11 @@ def _chosen(bag: Bag, params: Params, told: Mapping[str, Any]) -> dict[str, Topi
 
 def _around(
     bag: Bag, chosen: Mapping[str, Topic], params: Params, told: Mapping[str, Any]
-) -> tuple[dict[str, Sensor], Truth | None]:
-    """The radars at their poses, and the truth, from all topics that are no radar's."""
+) -> tuple[dict[str, Sensor], Truth | None, str]:
+    """The radars at their poses, the truth, and the frame that both are in.
+
+    From all topics that are no radar's.
+    """
     frames, odometry = Frames(), list[tuple[str, str, int, Any]]()
     true: list[tuple[int, Any, Any]] = []
     small = {t.name for t in bag.topics.values() if t.type in (TRANSFORMS, ODOMETRY)}
@@ -320,7 +323,8 @@ def _around(
         else:
             _log.warning("%s: no transforms: %s stands at the origin", bag.path, name)
             sensors[legal(name)] = Sensor.static("radar", np.zeros(3))
-    return sensors, _truth(true, bag, params) if params.truth else None
+    fixed = frames.fixed(params.frame) if frames.edges else "map"
+    return sensors, _truth(true, bag, params) if params.truth else None, fixed
 
 
 def _truth(found: Sequence[tuple[int, Any, str]], bag: Bag, params: Params) -> Truth:

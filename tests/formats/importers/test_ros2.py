@@ -346,6 +346,21 @@ def test_types_that_the_bag_does_not_define(tmp_path: Path):
         imported(bag, mapping=said, definitions=told)
 
 
+def test_the_frame_of_the_bag_is_that_of_the_recording(tmp_path: Path):
+    """So that viewers show both in one frame, whatever it is called."""
+    bag = write(tmp_path / "bag", drive())
+    assert imported(bag).meta.frame == "map"
+    moved = [
+        m if m[0] != "/tf" else (m[0], m[1], make("tf2_msgs/msg/TFMessage", transforms=[
+            transform(T0, "odom", "base_link", (1, 2, 3), (0.0, 0.0, 0.0, 1.0))
+        ]))
+        for m in drive()
+    ]  # fmt: skip
+    found = imported(write(tmp_path / "other", moved))
+    assert found.meta.frame == "odom"
+    np.testing.assert_allclose(found.sensors["radar_points"].position, [[3, 2, 4]])
+
+
 def test_a_missing_transform_is_named(tmp_path: Path):
     messages = [m for m in drive() if m[0] != "/tf_static"]
     with pytest.raises(FormatError, match=r"no transform leads from 'radar' to 'map'"):
