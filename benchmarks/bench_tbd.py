@@ -37,7 +37,7 @@ def main() -> None:
     setup, scans, given = recording.setup(), list(recording.scans()), tbd.Params()
     layout = Layout.of(setup, list(recording.streams), given)
     view = View.of(layout, scans[:6], setup)
-    rest, target = np.ones_like(view.power), np.array([3.0, 4.0, 0.3, 0.0, 1.0, 0.0])
+    rest, target = np.ones_like(view.power), np.array([3.0, 4.0, 0.3, 0.0, 0.0, 1.0, 0.0])
     at = windows(layout, 3.0, 4.0, 5.0)
     print("part                      NumPy ms  ratio  as it runs")
     for name, derive in (("fit", False), ("fit with its derivatives", True)):

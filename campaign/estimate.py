@@ -10,6 +10,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from ..estimators.kernels.passes import AROUND, Around
 from ..estimators.presets import preset as named
 from ..estimators.run import GROUP, SMOOTH, Estimation, TimedStep
 from ..formats import Writer, header, open_source, read, writer
@@ -110,13 +111,15 @@ class Task:
         try:
             setup = self._whole(place) if content else source.setup
             run = self.asked.on(setup, self.label)
-            steps = run.timed(source.scans())
+            scans = source.scans()
+            # by what is read: a pass backwards yields nothing before all is
+            steps = run.timed(progress.share(scans, source) if self.show else scans)
             with self.target.open() as target:
                 out = writer(target, self.target.format)
+                AROUND.set(self._around())
                 try:
                     meta = replace(setup.meta, provenance=run.provenance(versions()))
-                    shown = progress.share(steps, source) if self.show else steps
-                    timing = _append(shown, out, meta)
+                    timing = _append(steps, out, meta)
                     provenance = run.provenance(versions(), source.observed_digest, content)
                     meta = replace(meta, provenance=provenance)
                     out.close(meta, source.recording() if carried else None)
@@ -125,6 +128,11 @@ class Task:
                     out.abort()
         finally:
             source.close()
+
+    def _around(self) -> Around:
+        """Temporary files beside the output; the way back counts its steps."""
+        folder = None if self.target.path is None else self.target.path.parent
+        return Around(folder, _counted) if self.show else Around(folder)
 
     def _whole(self, place: Path | IO[bytes]) -> Recording:
         """The recording with its truth, for an estimator that declares that it uses it."""
@@ -141,6 +149,10 @@ class Task:
             name = self.asked.estimator
             raise InputError(f"{self.label}: {name} uses the truth: give it a file")
         return str(header(place)["content_digest"])
+
+
+def _counted(steps: Iterable[Any], total: int) -> Iterator[Any]:
+    return progress.bar(steps, "step", total)
 
 
 def _append(steps: Iterable[TimedStep], out: Writer, meta: Meta) -> Timing:

@@ -8,10 +8,13 @@ from pathlib import PurePath
 from typing import Any
 
 from .. import formats
-from ..formats import foreign
+from ..formats import foreign, weights
 from ..formats import scores as tables
 from ..models.names import printable
 from .files.inputs import SCORES, label, spooled
+
+WEIGHTS = ".npz"
+"""The suffix of weights of a classifier."""
 
 
 def inspect(file: str) -> dict[str, Any]:
@@ -20,6 +23,9 @@ def inspect(file: str) -> dict[str, Any]:
     if listed is not None:
         return listed
     with spooled(file) as path:
+        if PurePath(file).suffix == WEIGHTS:
+            made = weights.read(path).made
+            return {"kind": "weights", "sha256": weights.sha256(path), "made": made}
         if PurePath(file).suffix not in SCORES:
             found = formats.summary(path)
             if found["kind"] != "scores":
@@ -55,6 +61,12 @@ def lines(found: Mapping[str, Any]) -> Iterator[str]:
     for key in ("name", "epoch", "frame", "origin", "observed_digest", "content_digest"):
         if found.get(key):
             yield _entry(key.replace("_", " "), str(found[key]))
+    if found["kind"] == "weights":
+        yield _entry("sha256", found["sha256"])
+        for key, value in found["made"].items():
+            yield _entry(key, json.dumps(value))
+        if not found["made"]:
+            yield _entry("made", "nobody has said how")
     for path in sorted(filter(_is_provenance, found)):
         for key, value in sorted(found[path].items()):
             yield _entry(f"{path.removesuffix('provenance')}{key}", json.dumps(value))
@@ -72,7 +84,13 @@ def _table(
     rows = next((s[0] for p, s in shapes.items() if p.startswith(f"{group}rows/")), None)
     rows = shapes.get(f"{group}label", (rows,))[0]
     kind = f"{found[f'{group}kind']}, " if f"{group}kind" in found else ""
-    return f"{kind}{times} times" + (f", {rows} rows" if rows is not None else "")
+    empty = found.get("empty", {}).get(group[:-1], 0) if rows is not None else 0
+    text = f"{kind}{times} times" + (f" ({empty} empty)" if empty else "")
+    text += f", {rows} rows" if rows is not None else ""
+    below = f"{group}rows/", f"{group}scan/"
+    columns = [p.rpartition("/")[2] for p in shapes if p.startswith(below)]
+    radar = found.get(f"{group}kind") in ("position", "range_bearing", "range_angle_map")
+    return f"{text}: {' '.join(columns)}" if columns and radar else text
 
 
 def _entry(name: str, text: str) -> str:

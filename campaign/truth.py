@@ -9,7 +9,7 @@ from pathlib import Path
 
 from .. import formats
 from ..models.errors import FormatError, InputError
-from ..models.records import Estimates, Making
+from ..models.records import Estimates, Making, Recording
 
 
 def find(estimates: Estimates, label: str, places: Sequence[str]) -> Path:
@@ -24,6 +24,17 @@ def find(estimates: Estimates, label: str, places: Sequence[str]) -> Path:
     if not places:
         raise InputError(f"{label}: no recording came along: name it, or its folder, by --truth")
     return _path(label, estimates.meta.name, estimates.making, places)
+
+
+def of_recording(recording: Recording, label: str, places: Sequence[str]) -> Path:
+    """The file among ``places`` of the same recording, with its truth.
+
+    Raises
+    ------
+    InputError : there is none, or only others
+    """
+    seen = Making("", {}, formats.observed_digest(recording))
+    return _path(label, recording.meta.name, seen, places)
 
 
 def located(source: str, places: Sequence[str]) -> Path | None:

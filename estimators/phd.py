@@ -52,4 +52,4 @@ def estimate(
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     EstimatorError : the weights are not finite
     """
-    return run(context(setup, params), scans)
+    return joined.estimated(run, setup, scans, params)

@@ -51,4 +51,4 @@ def estimate(
     ------
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     """
-    return run(context(setup, params), scans)
+    return joined.estimated(run, setup, scans, params)

@@ -10,11 +10,14 @@ from __future__ import annotations
 import io
 import stat
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any, Protocol
+
+import numpy as np
 
 from ..models import registry
 from ..models.checks import check
@@ -222,7 +225,8 @@ def read(source: Target, path: object = None) -> Recording | Estimates:
 def summary(path: Path) -> dict[str, Any]:
     """Digests, texts and numbers of a record that is sound, and the ``shapes`` of the rest.
 
-    Of scores only what :func:`header` tells.
+    ``empty`` counts by stream the scans or events without a detection. Of scores only what
+    :func:`header` tells.
 
     Raises
     ------
@@ -232,10 +236,13 @@ def summary(path: Path) -> dict[str, Any]:
     if hasattr(module, "header") and (stated := header(path))["kind"] == "scores":
         return stated
     found: dict[str, Any] = {}
+    empty: Counter[str] = Counter()
     for recording in (False, True):
         with closing(open_windows(path, path, recording)) as parts:
-            for _ in parts:
-                pass
+            for window in parts:
+                for name, stream in getattr(window, "streams", {}).items():
+                    counts = np.diff(stream.row_offset)
+                    empty[f"{'recording/' * recording}streams/{name}"] += int(np.sum(counts == 0))
             own = leaves.of(replace(parts.head, meta=parts.meta))
         found |= {f"{'recording/' * recording}{p}": leaf for p, leaf in own.items()}
         if not parts.has_recording:
@@ -247,7 +254,7 @@ def summary(path: Path) -> dict[str, Any]:
         if kind.endswith("]"):
             shape = kind[kind.index("[") + 1 : -1].split(",")
             shapes[name] = tuple(map(int, filter(None, shape)))
-    return {**leaves.header(parts.digests), **small, "shapes": shapes}
+    return {**leaves.header(parts.digests), **small, "shapes": shapes, "empty": dict(empty)}
 
 
 def header(path: Path) -> dict[str, Any]:

@@ -87,6 +87,7 @@ COLUMNS: dict[str, Column] = {
     "azimuth": Column("f8", "rad", "azimuth, anticlockwise from the sensor's x axis"),
     "elevation": Column("f8", "rad", "elevation above the sensor's x-y plane"),
     "doppler": Column("f8", "m s-1", "radial speed, positive when receding"),
+    "std_doppler": Column("f8", "m s-1", "standard deviation of the radial speed", minimum=0.0),
     "power": Column("f8", "1", "power over the noise", minimum=0.0),
     "rcs": Column("f8", "m2", "radar cross-section", minimum=0.0),
     **_covariance("xyz"),
@@ -163,8 +164,8 @@ def _optional(path: str, type: str, shape: str = "", unit: str = "", meaning: st
 
 
 MODEL = (
-    "p_detect", "clutter_rate", "max_range", "mean_clutter", "mean_scatter", "mean_los",
-    "rms_bandwidth", "amplitude_threshold", "sigma", "range_bias_std",
+    "p_detect", "clutter_rate", "max_range", "std_doppler", "doppler_max", "mean_clutter",
+    "mean_scatter", "mean_los", "rms_bandwidth", "amplitude_threshold", "sigma", "range_bias_std",
 )  # fmt: skip
 """Entries of sensor models that are numbers and not negative."""
 

@@ -203,11 +203,14 @@ def resolved_by_stream(
     ParameterError : ``sensors`` names no stream, or what does not hold for single streams
     InputError : a parameter that has no default is not known for a stream
     """
-    common = resolve(cls, *layered(stated, layers))
     alike = [(source, {k: v for k, v in x.items() if k != "sensors"}) for source, x in layers]
     models = {source.split("/")[1]: (source, model) for source, model in stated}
     before, after = ([x for x in layers if is_preset(x[0]) is early] for early in (True, False))
     early, late = (_said(cls, of_one, groups, some) for some in (before, after))
+    needed = _needed(cls)
+    # What every stream is told for itself need not be told for all.
+    any_ = {k: v for x in (*early.values(), *late.values()) for k, v in x.items() if k in needed}
+    common = resolve(cls, ("sensors", any_), *layered(stated, layers))
     found = {}
     for name, streams in groups.items():
         own = [models[k] for k in streams if k in models]
@@ -231,6 +234,11 @@ def per_stream(params: P, names: Sequence[str]) -> dict[str, P]:
         require(isinstance(said, Mapping), f"sensors.{name}", "a mapping", said)
         found[name] = resolve(type(params), common, (f"sensors.{name}", said))
     return found
+
+
+def _needed(cls: type[Any]) -> set[str]:
+    """The parameters without a default."""
+    return {f.name for f in dataclasses.fields(cls) if f.default is REQUIRED}
 
 
 def _said(

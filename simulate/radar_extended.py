@@ -192,6 +192,7 @@ def _stream(
     tables = {f"cov_{'xyz'[i]}{'xyz'[j]}_table": S[..., i, j] for i, j in zip(*UPPER, strict=True)}
     model = tables | {
         "clutter_region": np.array(params.region),
+        "clutter_beyond": 1e-6,
         "hard_core_radius": params.hard_core_radius,
         "p_false": params.p_false,
         "outside_variance": params.outside_variance,

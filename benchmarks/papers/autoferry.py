@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from echoset.estimators.points.streams import per_stream
 from echoset.estimators.presets import presets
 from echoset.estimators.run import Estimation
 from echoset.formats.importers import autoferry
@@ -77,12 +78,13 @@ def oracle(recording: Recording) -> Objects:
 
 
 def filtered(name: str, recording: Recording) -> Objects:
-    """What a filter makes of all streams, at the scans of the radar."""
+    """What a filter makes of all streams, when the scans of the radar were true."""
     layer = ("--preset autoferry", presets(name)["autoferry"])
     asked = Estimation(name, (layer,), use_sensor_model=False)
     run = asked.on(recording.setup(), recording.meta.name)
     found = concatenate(list(run.steps(recording.scans()))).objects
-    at = np.flatnonzero(np.isin(found.time_ns, recording.streams["radar"].time_ns))
+    late = round(per_stream(run.params, recording)["radar"].latency * 1e9)
+    at = np.flatnonzero(np.isin(found.time_ns, recording.streams["radar"].time_ns - late))
     some = found.at(at)
     return objects(some.time_ns, some.row_offset, some.columns("x", "y"))
 

@@ -18,6 +18,9 @@ from scene import simulated
 
 from echoset.estimators.run import Estimation
 from echoset.formats.windows import concatenate
+from echoset.metrics.distances.gospa import METRIC
+from echoset.metrics.kit.assignment import assign
+from echoset.metrics.kit.sets import sets
 from echoset.metrics.run import score
 from echoset.models.records import Array, Estimates, Recording
 
@@ -44,6 +47,11 @@ TURN = {"motion": "imm", "manoeuvres": [[0.15, 0.1], [-0.15, 0.1], [0.0, 10.0]]}
 MODELS: Mapping[str, Settings] = {
     **{f"cv, {q:g}": {"acceleration_density": q} for q in (0.01, 0.1, 0.5, 1.0, 2.0, 4.0, 8.0)},
     "imm": {"acceleration_density": 0.01, **TURN},
+}
+HIGHWAY = {
+    "acceleration_density": 0.1,
+    "birth_std_velocity": [20.0, 1.0],
+    "scene": [15.0, 245.0, -20.0, 20.0],
 }
 SPANS = {
     "turns": [*range(23, 36), *range(63, 76)],
@@ -128,6 +136,29 @@ def manoeuvres(runs: range) -> dict[str, list[list[float]]]:
     return found
 
 
+def doppler(runs: range) -> dict[str, list[list[float]]]:
+    """GOSPA [m], and the error of velocity [m/s], of every filter and use of Doppler in every run.
+
+    The error is the root mean square of the estimates that GOSPA pairs with a car.
+    """
+    found: dict[str, list[list[float]]] = {}
+    metric = METRIC.Params(order=2.0, cutoff=10.0)
+    for recording in recordings("highway", runs):
+        for name in ("`phd`", "`mbm`", "`pmb`"):
+            estimator, settings = ESTIMATORS[name]
+            for use in ("ignore", "gate", "use"):
+                out, _ = estimated(recording, estimator, HIGHWAY | settings | {"doppler": use})
+                both = sets(out, recording, metric)
+                pairs = both.near(metric.cutoff)
+                own = pairs.take(assign(pairs, metric.cutoff**2 - pairs.distance**2))
+                true, ours = (x.columns("vx", "vy") for x in (both.truth, both.estimate))
+                error = np.hypot(*(ours[own.second] - true[own.first]).T)
+                mean = scores(out, recording, "gospa", cutoff=metric.cutoff)["gospa", ""]
+                row = [mean, float(np.sqrt((error**2).mean()))]
+                found.setdefault(f"{name}, {use}", []).append(row)
+    return found
+
+
 def cost(targets: int, clutter: int, side: float) -> float:
     """Median time [ms] of a scan by ``pmb``, of 20 behind the first ten."""
     area = [-side, side, -side, side]
@@ -151,6 +182,7 @@ def pieces(share: float) -> list[Piece]:
         *(Piece(close, ("meeting", runs)) for runs in chunks(share_of(100, share), 20)),
         *(Piece(close, ("rendezvous", runs)) for runs in chunks(share_of(20, share), CHUNK)),
         *(Piece(manoeuvres, (runs,)) for runs in chunks(share_of(20, share), CHUNK)),
+        *(Piece(doppler, (runs,)) for runs in chunks(share_of(20, share), CHUNK)),
         *(Piece(cost, one) for one in COSTS),
     ]
 
@@ -189,6 +221,7 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
         *_close(results, "meeting", "RMS GOSPA [m] (c 10 m, p 2) and the roots of its parts", True),
         *_close(results, "rendezvous", "T-GOSPA [m] a step (p 1, c 10 m, gamma 2 m)", False),
         *_manoeuvres(joined(results, manoeuvres)),
+        *_doppler(joined(results, doppler)),
         "## Cost of `pmb`",
         "Processor time of a scan, median of 20 scans; the first three areas are as dense as 40 "
         "targets among 60 false alarms on [-1000, 1000]², the last two 20 times as dense.",
@@ -220,6 +253,21 @@ def _close(
     yield f"## `{scenario}`: {len(next(iter(found.values())))} runs"
     yield f"{what}; births at detections where the recording does not say where."
     yield page.table(["", "distance", *parts], lines)
+
+
+def _doppler(found: Mapping[str, list[list[float]]]) -> Iterator[str]:
+    values = {name: np.array(v) for name, v in found.items()}
+    yield f"## `highway`: {len(next(iter(values.values())))} runs"
+    yield (
+        "GOSPA [m] (c 10 m, p 2), and root of the mean squared error of velocity [m/s] of what it "
+        "pairs, by what is made of Doppler. Last: GOSPA less that of the same recordings without "
+        "it."
+    )
+    lines = []
+    for name, v in values.items():
+        less = v[:, 0] - values[name.rpartition(",")[0] + ", ignore"][:, 0]
+        lines.append([name, *(page.mean(v[:, k]) for k in (0, 1)), page.mean(less)])
+    yield page.table(["filter, Doppler", "GOSPA", "velocity", "difference"], lines)
 
 
 def _manoeuvres(found: Mapping[str, list[list[float]]]) -> Iterator[str]:

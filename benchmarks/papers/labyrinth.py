@@ -25,6 +25,7 @@ SEEDS, FIRST, BLOCKS, RESAMPLES = 10, 4, 15, 400
 WITH = "with the wheels"
 ROWS: dict[str, dict[str, Any]] = {
     "all defaults: what ranges have too much, and which are late, is learnt": {},
+    "the same, smoothed: `--smooth`": {"smooth": "whole"},
     "ranges taken as calibrated, `--set range_bias_std=0 --set learn=[]`": {
         "range_bias_std": 0.0,
         "learn": [],

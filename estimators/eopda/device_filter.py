@@ -13,6 +13,7 @@ import numpy as np
 
 from ...models.errors import InputError
 from ...models.records import Estimates, Meta, Recording, Scan
+from ..kernels.passes import smoothed
 from .cloud.resampling import systematic
 from .cloud.start import MARGIN, SPAN
 from .extract import extract
@@ -20,8 +21,9 @@ from .filter import track, turn
 from .learn import learn, with_noise
 from .links import NO_LINKS, Network, link_steps, network
 from .odometry import Odometer, odometry_of
+from .smoothing import Record, record, smoother
 from .spacing import spaced
-from .state import Event, Step, Target, belief
+from .state import Belief, Event, Step, Target, belief
 
 _log = logging.getLogger(__name__)
 PATIENCE = 5.0
@@ -77,17 +79,33 @@ class DeviceFilter:
             _log.info("%s: %s", net.name, said)
         first = belief(net, params)
         about = Meta("", provenance={"found": found} if found else {})
+        forward = self._forward(events, about, params, first, net.name, rng)
+        # draws of its own, so that the filter is the same with and without
+        backward = smoother(self.target, params, first, rng.spawn(1)[0])
+        yield from smoothed(forward, backward, params.wait)
+
+    def _forward(
+        self,
+        events: Iterable[Event],
+        about: Meta,
+        params: Any,
+        first: Belief,
+        name: str,
+        rng: np.random.Generator,
+    ) -> Iterator[tuple[Estimates, Record | None]]:
+        """The filter's estimates and, to be smoothed, what the way back needs."""
         said_lost = False
-        for step in track(events, self.target, params, first, rng, net.name):
+        for step in track(events, self.target, params, first, rng, name):
             if step.anew and not said_lost:
                 said_lost = True
                 _log.warning(
                     "%s: at %.2f s ranges contradict the position, which is sought anew; "
                     "'sought_anew' in the estimates says each time",
-                    net.name,
+                    name,
                     step.time_ns * 1e-9,
                 )
-            yield replace(self._shown(step, params, first.height.is_known, rng), meta=about)
+            kept = None if params.wait is None else record(step, self.target, params)
+            yield replace(self._shown(step, params, first.height.is_known, rng), meta=about), kept
 
     def _shown(self, step: Step, params: Any, known: bool, rng: np.random.Generator) -> Estimates:
         """The estimate of a step; an offset that is hidden is drawn for it, and not kept."""

@@ -168,7 +168,7 @@ def track(
     unsettled = _settling(params)
     for event in events:
         dt = (event.time_ns - last) * 1e-9
-        if state is not None and _widens(dt, params) > PAUSE:
+        if state is not None and widens(dt, params) > PAUSE:
             before, state = remembered(state, dt, first, params), None
         try:
             if state is None:
@@ -180,14 +180,15 @@ def track(
                 else:
                     steps = _begin(window, target, params, before, rng)
                 yield from steps
-                state, last, doubt = steps[-1].state, window[-1].time_ns, Doubt()
+                state, last = steps[-1].state, window[-1].time_ns
                 begun = last
+                doubt = Doubt(since=window[0].time_ns - 1)
                 if window[-1] is event:
                     window = []
                     continue
                 window = []
                 dt = (event.time_ns - last) * 1e-9
-                if _widens(dt, params) > PAUSE:
+                if widens(dt, params) > PAUSE:
                     before, state, window = remembered(state, dt, first, params), None, [event]
                     continue
             own = unsettled if event.time_ns - begun <= SETTLES * 1e9 else params
@@ -195,9 +196,11 @@ def track(
             doubt = doubt.after(event, step.evidence, less)
             if doubt.is_alarm:
                 fresh, odds = search(doubt, target, params, first, rng)
-                doubt = doubt.found(odds)
                 if odds > LEAST_ODDS:
-                    step = step._replace(state=merge(step.state, fresh, odds, rng), anew=odds > 0.5)
+                    # lost or not is left to the ranges to come
+                    both = merge(step.state, fresh, odds, rng)
+                    step = step._replace(state=both, anew=True, lost=doubt.since)
+                doubt = doubt.found(odds)
             yield step
             state, last = reduce(step.state, rng), event.time_ns
         except EstimatorError as error:
@@ -230,7 +233,8 @@ def _begin(
     for event, state in zip(window, states, strict=True):
         state = replace(state, heading=heading)
         own = evidence if event is window[-1] else 0.0
-        steps.append(Step(event.time_ns, state, own, _clutter(event, params), False))
+        clutter, until = _clutter(event, params), window[-1].time_ns
+        steps.append(Step(event.time_ns, state, own, clutter, False, until, event.moved))
     expected = sum(rates(event, params) for event in window)
     last = steps[-1]
     gain = evidence - expected - sum(step.gain for step in steps)
@@ -281,7 +285,8 @@ def _step(
         states, evidence = start([event], target, params, before, rng)
         evidence -= rates(event, params)
         state = replace(states[-1], heading=state.heading)
-    return Step(event.time_ns, state, evidence, evidence - _clutter(event, params), False), less
+    gain, now = evidence - _clutter(event, params), event.time_ns
+    return Step(now, state, evidence, gain, False, now, event.moved), less
 
 
 def _weighed(state: State, log_factor: Array) -> tuple[State, float]:
@@ -299,7 +304,7 @@ def _clutter(event: Event, params: Params) -> float:
     return n * log(params.clutter) - links * params.clutter * float(params.max_range or 0.0)
 
 
-def _widens(dt: float, params: Params) -> float:
+def widens(dt: float, params: Params) -> float:
     """Standard deviation [m] that a position gains over ``dt`` [s] by the motion's noise."""
     return params.acceleration_std * sqrt(STEP * dt**3 / 3)
 

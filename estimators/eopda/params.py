@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...models.parameters import parameter, require
+from ..kernels.passes import SmoothParams
 from .odometry import Odometry
 
 LEAST_CLUTTER = 1e-3
@@ -86,7 +87,7 @@ class Ranges(Odometry):
 
 
 @dataclass(frozen=True, slots=True)
-class Params(Ranges):
+class Params(Ranges, SmoothParams):
     """Parameters that all filters of a device share; random walks are per 0.1 s."""
 
     TITLE = "device, start and motion"
@@ -129,6 +130,7 @@ class Params(Ranges):
     )
 
     def __post_init__(self) -> None:
+        SmoothParams.__post_init__(self)
         low, high = self.bias_prior
         require(low <= high, "bias_prior", "low <= high", self.bias_prior)
         if self.area is not None:

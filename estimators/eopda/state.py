@@ -83,7 +83,8 @@ class Step(NamedTuple):
     """The state at a time [ns], and how likely its ranges were.
 
     ``evidence`` [nats] is their log predictive density, ``gain`` the same above that of clutter
-    alone; ``anew`` whether the device was sought anew.
+    alone; ``anew`` whether the device was sought anew, and ``lost`` since when [ns] it had been
+    lost then. Ranges up to ``until`` [ns] are in the state; ``moved`` is that of the event.
     """
 
     time_ns: int
@@ -91,6 +92,9 @@ class Step(NamedTuple):
     evidence: float
     gain: float
     anew: bool
+    until: int
+    moved: Increment | None = None
+    lost: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

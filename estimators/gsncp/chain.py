@@ -218,7 +218,7 @@ def labelled(
         volume = gsncp.room(scene, state.c[:L])
     else:
         volume = gsncp.free(scene.lower, scene.upper)[1]
-    return gsncp.intensities(scene, L, state.rho[:L].sum(), clutter.sum(), volume)
+    return gsncp.intensities(scene, L, state.rho[:L].sum(), clutter, volume)
 
 
 def known(params: ChainParams, intensity: Array, D: float) -> Array:

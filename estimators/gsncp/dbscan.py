@@ -146,7 +146,7 @@ def log_posterior(sight: Scene, state: State, x: Array, label: Array) -> float:
     L = len(x)
     put(state, x[:, :3], x[:, 3:])
     compiled.refresh(sight, state)
-    clutter, D = float((label < 0).sum()), gsncp.free(sight.lower, sight.upper)[1]
-    intensity = gsncp.intensities(sight, L, state.rho[:L].sum(), clutter, D)
+    D = gsncp.free(sight.lower, sight.upper)[1]
+    intensity = gsncp.intensities(sight, L, state.rho[:L].sum(), label < 0, D)
     close = 1e9 if (pdist(x[:, :3]) < sight.radius).any() else 0.0
     return compiled.log_posterior(sight, state, intensity) - close

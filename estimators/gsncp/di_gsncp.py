@@ -133,7 +133,8 @@ def among(sight: Scene, chosen: Array) -> Scene:
     """The scene with those of its detections that are ``chosen`` (M,)."""
     count = np.concatenate([[0], np.cumsum(chosen)])[sight.offset].astype(np.int64)
     z = np.ascontiguousarray(sight.z[:, chosen])
-    return sight._replace(z=z, offset=count, weight=sight.weight[chosen])
+    beyond, weight = sight.beyond[chosen], sight.weight[chosen]
+    return sight._replace(z=z, offset=count, beyond=beyond, weight=weight)
 
 
 def scenes(setup: Recording, scans: Iterable[Scan], params: Params) -> Iterator[tuple[int, Scene]]:

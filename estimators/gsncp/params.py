@@ -69,6 +69,13 @@ class SceneParams(TargetParams):
     TITLE = "sensors"
     STREAMS = ("position", "range_bearing")
 
+    clutter_beyond: float = parameter(
+        1.0,
+        "1",
+        "density of false detections beyond the region, relative to that in it: near 0 where it is "
+        "known that there are none",
+        within="(0, 1]",
+    )
     p_detect: float | None = parameter(
         None, "1", "detection probability, where no table is", within="[0, 1]"
     )

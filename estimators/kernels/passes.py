@@ -10,10 +10,12 @@ from __future__ import annotations
 import pickle
 import re
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from math import inf
 from os import SEEK_END
+from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Any, Self, cast
 
@@ -29,9 +31,26 @@ LAG = re.compile(r"(\d+(?:\.\d*)?|\.\d+)s")
 
 Forward = Iterator[tuple[Estimates, Any]]
 """Estimates of each time, and the record that its way back needs."""
-Backward = Callable[[Any, Any], tuple[Any, Objects]]
+Backward = Callable[[Any, Any], tuple[Any, Objects | Callable[[], Objects]]]
 """From what later times carry (None: there are none) and a record to what is carried on, and the
-objects of the record's time."""
+objects of the record's time, or who makes them where they take long and are not always wanted."""
+
+
+def _unseen(items: Iterable[Any], total: int) -> Iterable[Any]:
+    return items
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """What a pass finds about it: the ``folder`` of its temporary file, None: the system's; and
+    ``watch``, through which the steps of the way back go, with how many they are."""
+
+    folder: Path | None = None
+    watch: Callable[[Iterable[Any], int], Iterable[Any]] = _unseen
+
+
+AROUND: ContextVar[Around] = ContextVar("around", default=Around())  # noqa: B039
+"""Set by who runs an estimator; there is no other way to it, and an estimate is not changed."""
 
 
 # Without slots: classes that have some cannot be composed.
@@ -91,6 +110,9 @@ class Stack:
         if self.in_memory > SPILL and len(self._top) > BLOCK:
             self._spill()
 
+    def __len__(self) -> int:
+        return len(self._top) + BLOCK * len(self._blocks)
+
     def __iter__(self) -> Iterator[Any]:
         """The items, which are taken off."""
         while self._top or self._blocks:
@@ -103,7 +125,8 @@ class Stack:
     def _spill(self) -> None:
         """Move all but the last items to the file, block by block."""
         if self._file is None:
-            self._file = cast(IO[bytes], TemporaryFile())  # noqa: SIM115
+            folder = AROUND.get().folder
+            self._file = cast(IO[bytes], TemporaryFile(dir=folder))  # noqa: SIM115
         while len(self._top) > BLOCK:
             self._blocks.append(self._file.seek(0, SEEK_END))
             pickle.dump(self._top[:BLOCK], self._file)
@@ -133,15 +156,19 @@ def smoothed(forward: Forward, backward: Backward, wait: float | None) -> Iterat
         yield from _lagging(forward, backward, wait)
 
 
+def _made(objects: Objects | Callable[[], Objects]) -> Objects:
+    return objects if isinstance(objects, Objects) else objects()
+
+
 def _whole(forward: Forward, backward: Backward) -> Iterator[Estimates]:
     carried, meta = None, None
     with Stack() as past, Stack() as found:
         for estimates, record in forward:
             meta = estimates.meta
             past.push((estimates.steps, record))
-        for steps, record in past:
+        for steps, record in AROUND.get().watch(past, len(past)):
             carried, objects = backward(carried, record)
-            found.push((steps, objects))
+            found.push((steps, _made(objects)))
         for steps, objects in found:
             assert meta is not None
             yield Estimates(meta, objects, steps)
@@ -155,7 +182,7 @@ def _lagging(forward: Forward, backward: Backward, wait: float) -> Iterator[Esti
         for _, record, _ in reversed(window):
             carried, objects = backward(carried, record)
         assert objects is not None
-        return replace(window.popleft()[0], objects=objects)
+        return replace(window.popleft()[0], objects=_made(objects))
 
     for estimates, record in forward:
         window.append((estimates, record, int(estimates.objects.time_ns[0])))

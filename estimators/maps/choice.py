@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from ...models.errors import InputError
 from ...models.names import natural
 from ...models.parameters import Layer, is_preset
+from ...models.radar.multibeam import BaseStation
 from ...models.records import Recording, Scan
 from .frames import frames
 from .params import MAPS, FusionParams
@@ -22,18 +23,24 @@ _log = logging.getLogger(__name__)
 
 
 def with_default(
-    setup: Recording, stated: Sequence[Layer], layers: Sequence[Layer], preset: Mapping[str, Any]
+    setup: Recording,
+    stated: Sequence[Layer],
+    layers: Sequence[Layer],
+    presets: Mapping[str, Mapping[str, Any]],
 ) -> Sequence[Layer]:
-    """The layers, over ``preset`` where a recording has maps and nobody says how they are to do.
+    """The layers, over a preset where a recording has maps and nobody says how they are to do.
 
-    That is, without a preset and without the probability of detection, which has no default.
+    That is, without a preset and without the probability of detection, which has no default: by
+    templates where all maps state their waveform, ``tuned`` where not.
     """
-    maps = any(s.kind == MAPS for s in setup.streams.values())
+    maps = [s for s in setup.streams.values() if s.kind == MAPS]
     said = any(is_preset(source) or "p_detect" in layer for source, layer in layers)
     if not maps or said or any("p_detect" in layer for _, layer in stated):
         return layers
-    _log.info("maps, and no preset: tuned")
-    return [("preset tuned", preset), *layers]
+    computed = all(f.name in s.model for s in maps for f in fields(BaseStation))
+    preset = "templates" if computed else "tuned"
+    _log.info("maps, and no preset: %s", preset)
+    return [(f"preset {preset}", presets[preset]), *layers]
 
 
 @dataclass(frozen=True, slots=True)

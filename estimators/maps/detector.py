@@ -51,7 +51,8 @@ Classes = Mapping[int, Array]
 
 def files(setup: Recording, params: MapParams) -> dict[str, Path]:
     """The file of weights, where a recording has maps and a network looks at them."""
-    if params.identify != "cnn" or MAPS not in {s.kind for s in setup.streams.values()}:
+    unused = params.identify != "cnn" or params.detector != "clusters"
+    if unused or MAPS not in {s.kind for s in setup.streams.values()}:
         return {}
     return {"weights": Path(params.weights or SHIPPED)}
 

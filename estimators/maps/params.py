@@ -51,6 +51,14 @@ class MapParams(FusionParams):
     TITLE = "from maps to detections"
     STREAMS = (MAPS,)
 
+    detector: str = parameter(
+        "clusters",
+        "1",
+        "what makes detections of maps. clusters: of bright pixels, by what follows; templates: "
+        "what targets reflect, fitted to the maps as tbd does, for stations that state their "
+        "waveform",
+        within=("clusters", "templates"),
+    )
     map_cell: float = parameter(0.1, "m", "side of its pixels", within="(0, inf)")
     excision: float = parameter(
         100.0,

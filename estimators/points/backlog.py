@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ...models.parameters import parameter
 from ...models.radar.detection import polar
 from ...models.records import Array
 from .model.sensing import Look
@@ -20,6 +21,22 @@ CELLS = 24
 """Cells from a sensor to the end of its view."""
 MOST = 1 << 20
 """Cells of the map; beyond, it begins anew around the view."""
+
+
+# Without slots: classes that have some cannot be composed.
+@dataclass(frozen=True)
+class BacklogParams:
+    """How many targets wait at the start."""
+
+    TITLE = "undetected targets"
+
+    backlog: float = parameter(
+        100.0,
+        "1",
+        "of a Poisson process of undetected targets, with births at detections: steps of births "
+        "that wait undetected where no sensor has looked, at the start",
+        within="[0, inf)",
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,19 +9,33 @@ from typing import Any, Generic, TypeVar
 from ...models.geometry.regions import polygons
 from ...models.parameters import parameter
 from ...models.records import Array, Recording
+from .model.doppler import warn_unused
 from .model.sensing import SensorParams
 from .model.targets import TargetParams, settled
 from .source import Nothing, Source
 from .streams import per_stream
 
+LEARNABLE = ("latency", "registration", "p_detect", "clutter_rate", "accuracy")
+"""What can be learnt of a sensor; accuracy is the noise of what it measures."""
+
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
 class FilterParams(TargetParams, SensorParams):
-    """What every filter assumes about sensors and targets, and the regions that it counts in."""
+    """What every filter assumes about sensors and targets, learns, and the regions it counts in."""
 
-    TITLE = "regions"
+    TITLE = "learning and regions"
 
+    learn: tuple[str, ...] = parameter(
+        (),
+        "",
+        "what to learn of each sensor from the recording itself before it is estimated; latency "
+        "and registration are those against the first stream by name",
+        within=LEARNABLE,
+    )
+    learn_span: float = parameter(
+        120.0, "s", "how much of the recording is learnt from", within="(0, inf)"
+    )
     regions: Any = parameter(
         {}, "m", "regions to count targets in: name to x_min, x_max, y_min, y_max or to corners"
     )
@@ -50,8 +64,13 @@ class Context(Generic[P]):
     source: Source
 
     @staticmethod
-    def of(setup: Recording, params: Given, source: Source | None = None) -> Context[Given]:
-        """The context of a recording."""
+    def of(
+        setup: Recording, params: Given, source: Source | None = None, quiet: bool = False
+    ) -> Context[Given]:
+        """The context of a recording; what is not used is said, if it is not to be ``quiet``."""
         params = settled(params, setup)
         sensing = per_stream(params, setup)
+        for name, stream in sorted(setup.streams.items()):
+            if not quiet:
+                warn_unused(name, stream.rows, sensing[name])
         return Context(setup, params, sensing, polygons(params.regions), source or Nothing())

@@ -9,7 +9,11 @@ Cut = Mapping[str, float]
 """Expected targets (for ``max_detections``: detections) that each limit cut off at a time."""
 WORTH_SAYING = 0.05
 """Expected targets whose loss is worth a word; what is not kept in a file always is."""
-WHAT = {"max_detections": "of them", "pairs": "pairs with targets"}
+WHAT = {
+    "max_detections": "of them",
+    "pairs": "pairs with targets",
+    "max_hypotheses": "groups of targets, whose associations are told by their marginals",
+}
 """What a limit cuts off that is no expected target."""
 _log = logging.getLogger(__name__)
 

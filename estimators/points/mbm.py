@@ -22,13 +22,14 @@ from ...models.errors import InputError
 from ...models.geometry.regions import mass
 from ...models.records import Array, Estimates, Objects, Recording, Scan
 from ..kernels.passes import smoothed
+from .backlog import Backlog
 from .context import Context
+from .cuts import WHAT
 from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.gaussians import falling
 from .kernels.paths import Paths, back
 from .kernels.smoothing import Epoch, ended, smooth
 from .mbm_filter import Params, State, init, predict, reduce, update
-from .model.edge import detection_probability
 from .model.sensing import (
     UNKNOWN,
     Look,
@@ -39,7 +40,7 @@ from .model.sensing import (
     positions,
     spread,
 )
-from .model.targets import NAMES, UNITS, Interval, appeared, born
+from .model.targets import NAMES, UNITS, born
 from .times import observe, remember, through
 
 
@@ -61,7 +62,7 @@ def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:
         picked = mixture.table[0]
         tracks = np.flatnonzero(picked >= 0)
         return tracks, picked[tracks]
-    joint = mixture.w[:, None] * cardinality(mixture)
+    joint = mixture.w * cardinality(mixture)
     n = joint.sum(axis=0).argmax()
     g = joint[:, n].argmax()
     tracks = np.sort(np.argsort(-mixture.existence()[g], kind="stable")[:n])
@@ -89,9 +90,10 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
         if len(seen.z) > params.max_detections:
             cut["max_detections"] += len(seen.z) - params.max_detections
             seen = _likeliest(seen, state.mixture.local, own, params)
-        even = _even(seen, [look for look, _ in moment.looks], used, gone, params)
+        even = _even(seen, [look for look, _ in moment.looks], state.backlog, params)
         state, new = update(state, seen, params, own, even)
         state = reduce(state, params, max(len(seen.z), state.memory.crowd))
+        state = replace(state, backlog=state.backlog.missed(seen))
         used.append(seen)
         novelty.append(new)
     if not params.poisson:
@@ -101,9 +103,8 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
     x, n = state.mixture, max(len(seen.z) for seen in used)
     memory = remember(state.memory, moment, n, label, m[:, :2], x.label)
     state = replace(state, memory=memory, cut={**state.cut, **cut})
-    return state, Epoch(
-        together[0].time_ns, x.local, gone.F, gone.Q, x.label, x.table[0], x.table, x.parent
-    )
+    survive = params.p_survive**gone.steps
+    return state, Epoch(together[0].time_ns, x, gone.F, gone.Q, survive)
 
 
 def estimate(
@@ -134,7 +135,7 @@ def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimate
     classes: dict[int, Array] = {}
 
     def forward() -> Iterator[tuple[Estimates, Epoch]]:
-        for state, epoch in through(context, scans, init(), step):
+        for state, epoch in through(context, scans, init(params.width), step):
             if params.min_travel:
                 moved.update(_moved(state.mixture, set(), params))
             classes.update(state.memory.classes)
@@ -166,7 +167,7 @@ def _lagging(context: Context[Params], scans: Iterable[Scan], lag: float) -> Ite
         objects = context.source.named(objects, state.memory.classes)
         return Estimates(context.setup.meta, objects, numbers.popleft())
 
-    for state, epoch in through(context, scans, init(), step):
+    for state, epoch in through(context, scans, init(params.width), step):
         epochs.append(epoch)
         moved = _moved(state.mixture, moved, params, epochs)
         numbers.append(_counted(state, context))
@@ -178,7 +179,7 @@ def _lagging(context: Context[Params], scans: Iterable[Scan], lag: float) -> Ite
 
 def _counted(state: State, context: Context[Params]) -> dict[str, Array]:
     """What is stated per step."""
-    lost = sum(v for name, v in state.cut.items() if name != "max_detections")
+    lost = sum(v for name, v in state.cut.items() if name not in WHAT)
     return _numbers(state.mixture, lost) | regional(state.mixture, context.regions)
 
 
@@ -188,37 +189,27 @@ def _likeliest(seen: Look, a: Bernoullis, own: SensorParams, params: Params) -> 
     log_l = log_likelihood(seen, z_hat, S, np.inf)
     likely = np.maximum(log_l.max(axis=0, initial=-np.inf), -1e300)
     best = np.sort(falling(likely, seen.z)[: params.max_detections])
-    R = seen.R if len(seen.R) == 1 else seen.R[best]
-    some = {name: getattr(seen, name)[best] for name in ("z", "clutter", "spatial")}
-    parts = tuple(seen.parts[i] for i in best) if seen.parts else ()
-    return replace(seen, **some, R=R, parts=parts)
+    return seen.take(best)
 
 
-def _even(
-    seen: Look, looks: Sequence[Look], before: Sequence[Look], gone: Interval, params: Params
-) -> Array:
-    """Density (n,) of targets, spread like the clutter, that no look of the time has detected yet.
+def _even(seen: Look, looks: Sequence[Look], backlog: Backlog, params: Params) -> Array:
+    """Density (n,) of targets, spread like the clutter, that no look has detected yet.
 
-    All ``looks`` share what appeared, evenly: where their fields lie apart it is spread over all.
+    All ``looks`` of the time share them: where their fields lie apart they are spread over all.
 
     Raises
     ------
     InputError : it is not known where the clutter lies
     """
-    n = len(seen.z)
     if not params.poisson or params.birth != "detections" or not params.birth_rate:
-        return np.zeros(n)
+        return np.zeros(len(seen.z))
     if np.isnan(seen.spatial).any():
         raise InputError(UNKNOWN)
-    density = params.birth_rate * appeared(params.p_survive, 0.0, gone.steps) * seen.spatial
     where = positions(seen)[0]
+    density = params.birth_rate * backlog.at(where) * seen.spatial
     if len(looks) > 1:
         own, all_ = spread(seen, where), np.mean([spread(look, where) for look in looks], axis=0)
         density = density * np.where(own > 0, all_ / np.where(own > 0, own, 1.0), 1.0)
-    m = np.hstack((where, np.zeros((n, 2))))
-    P = np.tile(np.eye(4), (n, 1, 1))
-    for look in before:
-        density = density * (1 - detection_probability(look, m, P, False))
     return density
 
 
@@ -232,12 +223,18 @@ def regional(mixture: Mixture, regions: Mapping[str, Array]) -> dict[str, Array]
     a, found = mixture.local, {}
     for name, corners in regions.items():
         r = np.append(a.r * mass(a.m[:, :2], a.P[:, :2, :2], corners), 0.0)[mixture.table]
-        mean = r.sum(axis=1)
-        total = mixture.w @ mean
-        variance = mixture.w @ ((r * (1 - r)).sum(axis=1) + (mean - total) ** 2)
+        total, variance = _moments(mixture, r)
         found[f"region_mean_{name}"] = np.array([total])
         found[f"region_variance_{name}"] = np.array([variance])
     return found
+
+
+def _moments(mixture: Mixture, p: Array) -> tuple[float, float]:
+    """Mean and variance of how many tracks fulfil what each does with probability p (G, T)."""
+    mean = mixture.by_group(p)
+    total = (mixture.w * mean).sum(0)
+    spread = mixture.by_group(p * (1 - p)) + (mean - total) ** 2
+    return float(total.sum()), float((mixture.w * spread).sum())
 
 
 def _numbers(mixture: Mixture, cut: float = 0.0) -> dict[str, Array]:
@@ -245,12 +242,10 @@ def _numbers(mixture: Mixture, cut: float = 0.0) -> dict[str, Array]:
 
     Of the targets ``cut`` off by limits no more is known than how many to expect.
     """
-    r = mixture.existence()
-    mean = r.sum(axis=1)
-    total = mixture.w @ mean
-    variance = mixture.w @ ((r * (1 - r)).sum(axis=1) + (mean - total) ** 2)
+    total, variance = _moments(mixture, mixture.existence())
     values = {"cardinality_mean": total + cut, "cardinality_variance": variance + cut, "cut": cut}
-    sizes = {"hypotheses": len(mixture.w), "tracks": len(mixture.label)}
+    most, groups = mixture.w.shape
+    sizes = {"hypotheses": most, "groups": groups, "tracks": len(mixture.label)}
     return {key: np.array([value]) for key, value in (values | sizes).items()}
 
 
@@ -262,7 +257,7 @@ def _moved(
     way = mixture.local.m[index] - mixture.start[tracks]
     way = np.where(np.isnan(way), 0.0, way)
     far = np.hypot(way[:, 0], way[:, 1]) >= params.min_travel
-    living = {label for epoch in epochs for label in epoch.label.tolist()}
+    living = {label for epoch in epochs for label in epoch.mixture.label.tolist()}
     living |= set(mixture.label.tolist())
     return moved & living | set(mixture.label[tracks[far]].tolist())
 
@@ -285,5 +280,12 @@ def _listed(time_ns: int, label: Array, r: Array, m: Array, P: Array) -> Objects
     """Objects of one time."""
     offset = np.array([0, len(label)], np.int64)
     return Objects(
-        np.array([time_ns], np.int64), offset, label, NAMES, UNITS, m, covariance=P, existence=r
+        np.array([time_ns], np.int64),
+        offset,
+        label,
+        NAMES[: m.shape[1]],
+        UNITS[: m.shape[1]],
+        m,
+        covariance=P,
+        existence=r,
     )

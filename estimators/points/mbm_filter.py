@@ -11,6 +11,7 @@ import numpy as np
 
 from ...models.parameters import parameter
 from ...models.records import Array
+from .backlog import Backlog, BacklogParams
 from .context import FilterParams
 from .cuts import Cut
 from .kernels import births
@@ -31,21 +32,21 @@ from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
 from .model.edge import detection_probability, unseen
-from .model.sensing import Look, SensorParams, innovations, log_likelihood, positions, updated
-from .model.targets import Interval, elapse, limit, newborn
+from .model.sensing import Look, SensorParams, innovations, log_likelihood, updated
+from .model.targets import Interval, elapse, limit, newborn, started
 from .times import Memory
 from .trails import TrailParams
 
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(TrailParams, FilterParams):
+class Params(TrailParams, BacklogParams, FilterParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     TITLE = "mixture"
 
     poisson: bool = parameter(
-        False,
+        True,
         "1",
         "undetected targets are a Poisson process, not Bernoulli tracks; births at detections then "
         "spread like the clutter and begin with their first detection, not a scan later",
@@ -62,9 +63,19 @@ class Params(TrailParams, FilterParams):
     max_detections: int = parameter(
         1000, "1", "detections of a scan that are used, the likeliest", within="[1, inf)"
     )
-    max_hypotheses: int = parameter(100, "1", "global hypotheses kept", within="[1, inf)")
+    max_hypotheses: int = parameter(
+        100, "1", "hypotheses kept, of each group of tracks", within="[1, inf)"
+    )
     min_weight: float = parameter(
         1e-4, "1", "least weight of one, relative to the best", within="(0, inf)"
+    )
+    group_dependence: float | None = parameter(
+        0.01,
+        "1",
+        "total variation between what two tracks do together and each by itself, up to which they "
+        "part; null: all tracks are one group, as they are with unite_distance and with extraction "
+        "by cardinality, which ask of whole hypotheses",
+        within="[0, 1]",
     )
     max_tracks: int | None = parameter(
         None,
@@ -130,28 +141,37 @@ class Params(TrailParams, FilterParams):
         FilterParams.__post_init__(self)
         TrailParams.__post_init__(self)
 
+    @property
+    def dependence(self) -> float | None:
+        """``group_dependence``, null where whole hypotheses are asked of."""
+        whole = self.unite_distance or self.extraction == "cardinality"
+        return None if whole else self.group_dependence
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
     """The reduced mixture after the scans at ``time_ns`` (None: before any).
 
-    ``undetected`` are targets no detection has told of, ``waiting`` what appeared at the last
-    detections and enters with the next prediction; ``next_label`` is free, ``memory`` what is known
+    ``undetected`` are targets no detection has told of, ``backlog`` those of them that may be
+    anywhere, ``waiting`` what appeared at the last detections and enters with the next prediction;
+    ``next_label`` is free, ``memory`` what is known
     beside; ``cut`` is the expected number of targets that limits left out this time.
     """
 
     mixture: Mixture
     undetected: births.Components
     waiting: births.Components
+    backlog: Backlog
     next_label: int
     time_ns: int | None
     memory: Memory = field(default_factory=Memory)
     cut: Cut = field(default_factory=dict)
 
 
-def init() -> State:
-    """Nothing is known."""
-    return State(nothing(4), births.none(), births.none(), 0, None)
+def init(width: int = 4) -> State:
+    """Nothing is known of targets whose state has so many entries."""
+    none = births.none(width)
+    return State(nothing(width), none, none, Backlog(0.0), 0, None)
 
 
 def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval]:
@@ -164,26 +184,29 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
     gone = elapse(params, state.time_ns, time_ns)
     a = state.mixture.local
     m, P, known = gone.predict(a.m, a.P)
+    backlog = Backlog(params.backlog) if state.time_ns is None else state.backlog
     change = params.hide_rate + params.show_rate
     settled = params.show_rate / change if change else 1.0
     local = Bernoullis(
         np.where(known, a.r * gone.survival(params, a.m), 0.0),
         m,
-        np.where(known[:, None, None], P, np.eye(4)),
+        np.where(known[:, None, None], P, np.eye(params.width)),
         settled + (a.visible - settled) * np.exp(-change * gone.dt),
         a.unseen + gone.dt,
         np.arange(len(a)),
     )
-    mixture = replace(state.mixture, local=local, parent=np.arange(len(state.mixture.w)))
+    mixture = replace(state.mixture.restarted(), local=local)
     state = replace(state, mixture=mixture, time_ns=time_ns, cut={})
     new = births.join(_moved(state.waiting, params, gone), newborn(params, gone))
-    state = replace(state, waiting=births.none())
+    state = replace(state, waiting=births.none(params.width))
     if params.poisson:
         old = _moved(state.undetected, params, gone)
-        return replace(state, undetected=births.join(old, new)), gone
+        backlog = backlog.predict(params.p_survive, gone.steps)
+        return replace(state, undetected=births.join(old, new), backlog=backlog), gone
     w, m, P = births.at_most_one(*new)
     certain = np.ones((len(state.mixture.w), len(w)), bool)
-    state = _begin(state, begun(w, m, P), certain)
+    group = np.full(len(w), 0 if params.dependence is None else -1)
+    state = _begin(state, begun(w, m, P), certain, group)
     # A track begins where it is first detected, which is known only then.
     start = state.mixture.start.copy()
     start[len(start) - len(w) :] = np.nan
@@ -219,6 +242,7 @@ def update(
         np.log(free),
         params.max_hypotheses,
         -np.log(params.min_weight),
+        params.dependence is not None,
     )
     # (1), and (2) for who is detected.
     local = missed(replace(a, m=m_missed, P=P_missed), p).take(found.prior)
@@ -227,19 +251,20 @@ def update(
     local.m[hit], local.P[hit] = updated(seen, a.m, a.P, z_hat, C, S, l, i)
     local.r[hit] = local.visible[hit] = 1.0
     local.unseen[hit] = 0.0
-    start, best = state.mixture.start.copy(), found.table[0]
+    start, best = state.mixture.start.copy(), found.mixture.table[0]
     first = np.flatnonzero((best >= 0) & np.isnan(start[:, 0]))
     first = first[found.detection[best[first]] >= 0]
     start[first] = local.m[best[first]]
-    parent = state.mixture.parent[found.parent]
-    mixture = replace(
-        state.mixture, local=local, start=start, w=found.w, table=found.table, parent=parent
-    )
+    mixture = replace(found.mixture, local=local, start=start)
     state = replace(state, mixture=mixture, undetected=undetected)
-    r = new / free  # (3)
+    if found.over:
+        over = state.cut.get("max_hypotheses", 0.0) + found.over
+        state = replace(state, cut={**state.cut, "max_hypotheses": over})
+    r = new / free * (1 - found.taken)  # (3)
     some = np.flatnonzero(r > params.min_existence)
-    state = _begin(state, begun(r[some], m_new[some], P_new[some]), found.free[:, some])
-    return state, found.w @ found.free
+    new_tracks = begun(r[some], m_new[some], P_new[some])
+    state = _begin(state, new_tracks, found.free[:, some], found.of[some])
+    return state, found.novelty()
 
 
 def reduce(state: State, params: Params, detections: int = 0) -> State:
@@ -249,7 +274,7 @@ def reduce(state: State, params: Params, detections: int = 0) -> State:
     mixture = replace(state.mixture, local=replace(a, r=np.where(given_up, 0.0, a.r)))
     if params.merge_distance:
         mixture = merge(mixture, params.merge_distance, params.merge_existence)
-    mixture, lost = prune(mixture, params.min_existence, most)
+    mixture, lost = prune(mixture, params.min_existence, most, params.dependence)
     if params.unite_distance:
         mixture = unite(mixture, params.unite_distance)
     w, m, P = state.undetected
@@ -262,12 +287,12 @@ def reduce(state: State, params: Params, detections: int = 0) -> State:
     return replace(state, mixture=mixture, undetected=(w, m, P), cut=cut)
 
 
-def _begin(state: State, new: Bernoullis, free: Array) -> State:
-    """The state with ``new`` tracks (n,) in the hypotheses ``free`` (G, n)."""
+def _begin(state: State, new: Bernoullis, free: Array, group: Array) -> State:
+    """The state with ``new`` tracks (n,) in the hypotheses ``free`` (G, n) of a ``group`` (n,)."""
     label = state.next_label + np.arange(len(new))
     return replace(
         state,
-        mixture=add_tracks(state.mixture, new, label, free),
+        mixture=add_tracks(state.mixture, new, label, free, group),
         next_label=state.next_label + len(new),
     )
 
@@ -299,12 +324,9 @@ def _first_detections(
     undetected: births.Components, seen: Look, params: Params, own: SensorParams, even: Array
 ) -> tuple[births.Components, tuple[Array, Array, Array]]:
     """The undetected targets that stay so, and what the detections say if they are the first."""
-    where, R = positions(seen)
-    n = len(where)
-    std = np.array(params.birth_std_velocity)
-    m_even, P_even = np.hstack((where, np.zeros((n, 2)))), np.zeros((n, 4, 4))
-    P_even[:, :2, :2], P_even[:, 2:, 2:] = R, np.diag(std**2)
-    even = even * (detection_probability(seen, m_even, P_even, False) > 0)
+    m_even, P_even, rated = started(params, seen)
+    n = len(m_even)
+    even = even * rated * detection_probability(seen, m_even, P_even, False)
     w, m, P = undetected
     if not len(w):
         return undetected, (even, m_even, P_even)

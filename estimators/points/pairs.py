@@ -12,9 +12,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...models.records import Array
-from .kernels.compiled import gaussians
 from .kernels.compiled.pairs import log_likelihood
-from .model.sensing import Look, expected, positions
+from .kernels.gaussians import innovation
+from .model.doppler import Rates, beside, log_density
+from .model.sensing import Look, expected, pair_update, positions
 
 MOST = 1 << 22
 """Pairs of a look that are compared, those of the nearest detections of each target."""
@@ -26,7 +27,8 @@ class Pairs:
     """k pairs inside the gate, by target: ``target``, ``detection`` and ``log_l`` (k,).
 
     The log density is that of the detection z under N(z_hat, S), with z_hat (k, 2), S (k, 2, 2) and
-    its covariance C (k, dx, 2) with the state. ``cut`` counts pairs that were left out unseen.
+    its covariance C (k, dx, 2) with the state; Doppler is a third entry. ``cut``
+    counts pairs that were left out unseen.
     """
 
     target: Array
@@ -48,9 +50,8 @@ class Pairs:
 
     def updated(self, look: Look, m: Array, P: Array) -> tuple[Array, Array]:
         """Means (k, dx) and covariances of the targets m, P given the detections of the pairs."""
-        K, P = gaussians.gain(P[self.target], self.C, self.S)
-        z = look.z[self.detection]
-        return gaussians.correct(m[self.target], K, z, self.z_hat, look.period), P
+        t = self.target
+        return pair_update(look, m[t], P[t], self.z_hat, self.C, self.S, self.detection)
 
 
 def near(look: Look, m: Array, P: Array, unscented: bool, gate: float) -> Pairs:
@@ -66,7 +67,18 @@ def near(look: Look, m: Array, P: Array, unscented: bool, gate: float) -> Pairs:
     kept = np.flatnonzero(log_l > -np.inf)
     target, detection = target[kept], detection[kept]
     S = S[target] + (look.R if len(look.R) == 1 else look.R[detection])
-    return Pairs(target, detection, log_l[kept], z_hat[target], C[target], S, cut)
+    found = Pairs(target, detection, log_l[kept], z_hat[target], C[target], S, cut)
+    return found if look.rates is None else _rated(look, look.rates, m, P, found, gate)
+
+
+def _rated(look: Look, rates: Rates, m: Array, P: Array, x: Pairs, gate: float) -> Pairs:
+    """The pairs with their Doppler, without those outside its gate."""
+    v = innovation(look.z[x.detection], x.z_hat, look.period)
+    moments = m[x.target], P[x.target], x.z_hat, x.C, x.S
+    z_hat, C, S = beside(rates, x.detection, v, *moments)
+    log_l = x.log_l + log_density(rates, x.detection, v, z_hat, S, gate)
+    found = Pairs(x.target, x.detection, log_l, z_hat, C, S, x.cut)
+    return found.take(np.flatnonzero(log_l > -np.inf))
 
 
 def _candidates(look: Look, z_hat: Array, S: Array, gate: float) -> tuple[Array, Array, int]:
@@ -113,17 +125,13 @@ def _reach(look: Look, z_hat: Array, S: Array, gate: float) -> Array:
 
 def _at_own_times(look: Look, m: Array, P: Array, unscented: bool, gate: float) -> Pairs:
     found = []
-    every, one = np.arange(len(m)), np.zeros(len(m), np.int64)
     for i, part in enumerate(look.parts):
         moved = part.F @ P
         P_then = moved @ part.F.T + part.Q
-        z_hat, C, S = expected(part.look, m @ part.F.T, P_then, unscented)
-        z, R = part.look.z, part.look.R
-        log_l = log_likelihood(z, z_hat, S, R, look.period, every, one, gate)
-        j = np.flatnonzero(log_l > -np.inf)
+        x = near(part.look, m @ part.F.T, P_then, unscented, gate)
         # With H as the regression on the state then: the covariance of the state now.
-        C = moved[j].swapaxes(1, 2) @ np.linalg.solve(P_then[j], C[j])
-        found.append((j, np.full(len(j), i), log_l[j], z_hat[j], C, S[j] + R[0]))
+        C = moved[x.target].swapaxes(1, 2) @ np.linalg.solve(P_then[x.target], x.C)
+        found.append((x.target, np.full(len(x), i), x.log_l, x.z_hat, C, x.S))
     target, *others = (np.concatenate(column) for column in zip(*found, strict=True))
     order = np.argsort(target, kind="stable")
     detection, log_l, z_hat, C, S = (column[order] for column in others)

@@ -76,10 +76,22 @@ def forward(context: Context[Params], scans: Iterable[Scan]) -> Iterator[tuple[E
         a, time_ns, classes = state.tracks, state.time_ns, state.memory.classes
         assert time_ns is not None
         found = context.source.named(objects(time_ns, shown(a, params.extract_existence)), classes)
-        estimates = Estimates(context.setup.meta, found, numbers(a, context.regions))
+        said = numbers(a, context.regions) | {"evidence": np.array([state.evidence])}
+        estimates = Estimates(context.setup.meta, found, said)
         yield (
             estimates,
-            Trail(time_ns, a.label, a.r, a.m, a.P, gone.F, gone.Q, classes, state.way),
+            Trail(
+                time_ns,
+                a.label,
+                a.r,
+                a.m,
+                a.P,
+                gone.F,
+                gone.Q,
+                params.p_survive**gone.steps,
+                classes,
+                state.way,
+            ),
         )
 
 
@@ -101,8 +113,8 @@ def objects(time_ns: int, tracks: Tracks) -> Objects:
         np.array([time_ns], np.int64),
         np.array([0, len(tracks)], np.int64),
         tracks.label,
-        NAMES,
-        UNITS,
+        NAMES[: tracks.m.shape[1]],
+        UNITS[: tracks.m.shape[1]],
         tracks.m,
         covariance=tracks.P,
         existence=tracks.r,

@@ -12,7 +12,7 @@ import numpy as np
 from ...models.errors import InputError
 from ...models.parameters import parameter
 from ...models.records import Array
-from .backlog import Backlog
+from .backlog import Backlog, BacklogParams
 from .context import FilterParams
 from .cuts import Cut
 from .kernels import births
@@ -22,7 +22,7 @@ from .kernels.compiled.pairs import matched
 from .kernels.gaussians import falling, strongest
 from .model.edge import Border, detection_probability
 from .model.sensing import UNKNOWN, Look, SensorParams, positions
-from .model.targets import VAGUE, Interval, elapse, newborn
+from .model.targets import VAGUE, Interval, elapse, newborn, started
 from .modes import ModeParams, Modes, Way, initial, transitions
 from .pairs import Pairs, near
 from .times import Memory
@@ -41,17 +41,11 @@ MERGED = 0.5
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(TrailParams, ModeParams, FilterParams):
+class Params(TrailParams, ModeParams, BacklogParams, FilterParams):
     """Sensors, targets, and which of them are kept and shown."""
 
     TITLE = "filter"
 
-    backlog: float = parameter(
-        100.0,
-        "1",
-        "steps of births that wait undetected where no sensor has looked, at the start",
-        within="[0, inf)",
-    )
     gate: float = parameter(
         14.0, "1", "squared Mahalanobis distance of a detection from its gate", within="(0, inf)"
     )
@@ -110,7 +104,8 @@ class State:
 
     Targets that were detected are ``tracks``; of the others, ``undetected`` are components and
     ``backlog`` what may be anywhere. ``way`` is how those that manoeuvre came there; ``next_label``
-    is free, ``memory`` what is known beside, and ``cut`` what limits left out.
+    is free, ``memory`` what is known beside, and ``cut`` what limits left out. ``evidence`` is that
+    of the time, but for first detections that were expected and not there.
     """
 
     tracks: Tracks
@@ -121,14 +116,16 @@ class State:
     memory: Memory = field(default_factory=Memory)
     cut: Cut = field(default_factory=dict)
     way: Way | None = None
+    evidence: float = 0.0
 
 
 def init(params: Params) -> State:
     """No target is known."""
-    label, r, m, P = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 4)), np.zeros((0, 4, 4))
+    unborn = births.none(params.width)
+    label, (r, m, P) = np.zeros(0, np.int64), unborn
     modes = Modes.of(initial(params), m, P) if params.modes > 1 else None
     none = Tracks(label, r, m, P, modes)
-    return State(none, births.none(), Backlog(params.backlog), 0, None)
+    return State(none, unborn, Backlog(params.backlog), 0, None)
 
 
 def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval]:
@@ -154,6 +151,7 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
         time_ns=time_ns,
         cut={},
         way=way,
+        evidence=0.0,
     ), gone
 
 
@@ -183,10 +181,11 @@ def update(state: State, seen: Look, params: Params, own: SensorParams) -> State
     InputError : it is not known where the clutter lies
     """
     a = state.tracks
-    state, first, m_first, P_first = _first_detections(state, seen, params, own)
-    free = np.maximum(seen.clutter + first, TINY)
-    tracks, taken, cut = _associated(a, seen, params, own, free)
-    new = np.clip(1 - taken, 0.0, 1.0) * first / free
+    state, density, m_first, P_first = _first_detections(state, seen, params, own)
+    free = np.maximum(seen.clutter + density, TINY)
+    tracks, taken, cut, evidence = _associated(a, seen, params, own, free)
+    state = replace(state, evidence=state.evidence + evidence - own.clutter_rate)
+    new = np.clip(1 - taken, 0.0, 1.0) * density / free
     most = len(new) if params.max_births is None else params.max_births
     some = strongest(new, m_first, params.min_existence, most)
     label = state.next_label + np.arange(len(some))
@@ -198,11 +197,12 @@ def update(state: State, seen: Look, params: Params, own: SensorParams) -> State
 
 def _associated(
     a: Tracks, seen: Look, params: Params, own: SensorParams, free: Array
-) -> tuple[Tracks, Array, int]:
+) -> tuple[Tracks, Array, int, float]:
     """The tracks given a look, and how probably (n,) they made the detections.
 
     ``free`` (n,) is the density of detections that they did not make. All Gaussians are compared
-    with detections, each with its share of its track; also how many pairs were left out.
+    with detections, each with its share of its track; also how many pairs were left out, and the
+    evidence as of a Poisson process, but for the number of false detections.
     """
     T, n, M = len(a), len(free), 1 if a.modes is None else a.modes.w.shape[1]
     share, m, P = (np.ones(T), a.m, a.P) if a.modes is None else a.modes.flat()
@@ -217,6 +217,7 @@ def _associated(
     g, z = pairs.target, pairs.detection
     m_hit, P_hit = pairs.updated(seen, m, P)
     density = there[g] * _found(seen, own, p, pairs, m_hit, P_hit) * np.exp(pairs.log_l)
+    evidence = float(np.log(free + np.bincount(z, density, n)).sum() - there @ p)
     t, of = owner[g], np.arange(len(g))
     whole, at = density, z
     if M > 1:
@@ -247,7 +248,7 @@ def _associated(
     else:
         m_new, P_new = m_new[kept], P_new[kept]
     tracks = Tracks(a.label[kept], np.minimum(r[kept], 1.0), m_new, P_new, modes)
-    return tracks, np.bincount(at, hit, n), pairs.cut
+    return tracks, np.bincount(at, hit, n), pairs.cut, evidence
 
 
 def reduce(state: State, params: Params, detections: int) -> State:
@@ -284,15 +285,14 @@ def _first_detections(
     ------
     InputError : it is not known where the clutter lies
     """
-    where, R = positions(seen)
-    n = len(where)
-    m_even, P_even = np.hstack((where, np.zeros((n, 2)))), np.zeros((n, 4, 4))
-    P_even[:, :2, :2], P_even[:, 2:, 2:] = R, np.diag(np.square(params.birth_std_velocity))
+    m_even, P_even, rated = started(params, seen)
+    n = len(m_even)
     even, backlog = np.zeros(n), state.backlog
     if params.birth == "detections" and params.birth_rate:
         if np.isnan(seen.spatial).any():
             raise InputError(UNKNOWN)
-        even = params.birth_rate * seen.p_detect * backlog.at(where) * seen.spatial
+        where = positions(seen)[0]
+        even = params.birth_rate * seen.p_detect * backlog.at(where) * seen.spatial * rated
         backlog = backlog.missed(seen)
     w, m, P = state.undetected
     if not len(w):

@@ -14,6 +14,7 @@ from typing import Any, Protocol, TypeVar
 from ...models.records import Array, Scan
 from .context import Context
 from .cuts import Cut, Told
+from .late import true_times
 from .model.clutter_map import Maps, learnt, persistent
 from .model.sensing import Look, SensorParams, count, looks
 from .model.targets import within
@@ -102,7 +103,8 @@ def through(
 ) -> Iterator[tuple[S, F]]:
     """What ``step`` gives for the scans of each time, with a word on what limits cut off."""
     told = Told()
-    for time_ns, group in groupby(context.source.used(scans), key=lambda scan: scan.time_ns):
+    ordered = true_times(context.source.used(scans), context.sensing)
+    for time_ns, group in groupby(ordered, key=lambda scan: scan.time_ns):
         together = list(group)
         state, found = step(state, together, context)
         told.warn(state.cut, time_ns, count(together))

@@ -20,6 +20,7 @@ from .. import leaves
 from ..leaves import ArrayDigest, Leaf
 from ..windows import WINDOW, Blocks
 from .fallback import SpilledFile
+from .packed import PackedColumn
 
 SUMMARY = "HDF5, random access and archive"
 SUFFIXES = (".h5", ".hdf5")
@@ -35,6 +36,7 @@ class LeafWriter:
         self._disk = SpilledFile(target) if isinstance(target, Path) else None
         self.file = h5py.File(self._disk or target, "w")
         self.digests: dict[str, str | ArrayDigest] = {}
+        self._packed: dict[str, PackedColumn] = {}
 
     def put(self, path: str, leaf: Leaf) -> None:
         if isinstance(leaf, np.ndarray):
@@ -69,6 +71,8 @@ class LeafWriter:
             for name, text in leaves.attributes(path).items():
                 _attribute(data, name, text)
             self.digests[path] = ArrayDigest()
+            if "/rows/" in path and part.dtype == np.float64 and part.ndim == 1:
+                self._packed[path] = PackedColumn(data)
         else:
             data = self.file[path]
             if path.endswith("row_offset"):
@@ -76,6 +80,9 @@ class LeafWriter:
         digest = self.digests[path]
         assert isinstance(digest, ArrayDigest)
         digest.update(part)
+        if path in self._packed:
+            self._packed[path].add(part)
+            return
         start = len(data)
         data.resize(start + len(part), axis=0)
         data[start:] = part
@@ -85,6 +92,8 @@ class LeafWriter:
 
     def close(self) -> None:
         """Write the digests; the file is complete after this and only after this."""
+        for column in self._packed.values():
+            column.close()
         digests = {path: str(digest) for path, digest in sorted(self.digests.items())}
         self.file["tokens"] = np.bytes_(json.dumps(digests).encode())
         for name, value in leaves.header(digests).items():

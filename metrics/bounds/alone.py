@@ -7,7 +7,7 @@ that their information is that of their joint Gaussian. Offsets are taken for kn
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
@@ -102,7 +102,14 @@ def kept(std: float, params: Any) -> float:
     return float(J[0, 0] * std**2)
 
 
-def bound(recording: Recording, stream: Stream, steps: Array, p: Array, params: Any) -> Array:
+def bound(
+    recording: Recording,
+    stream: Stream,
+    steps: Array,
+    p: Array,
+    params: Any,
+    recursion: Callable[[Array, Array, Array, Array], Array] = covariance_bounds,
+) -> Array:
     """Covariances (n, 4, 4) that no estimate at ``steps`` (n,) undercuts, at positions (n, 2).
 
     Raises
@@ -123,7 +130,7 @@ def bound(recording: Recording, stream: Stream, steps: Array, p: Array, params: 
     dt = np.diff(steps, prepend=steps[:1]) / 1e9
     F = np.array([constant_velocity(t)[0] for t in dt.tolist()])
     Q = np.array([motion_noise(params.acceleration_std, t) for t in dt.tolist()])
-    return covariance_bounds(P, F, Q, J)
+    return recursion(P, F, Q, J)
 
 
 def _gradient(p: Array, place: Array) -> tuple[Array, Array]:

@@ -9,7 +9,8 @@ are those of the recording, and so is whether ranges have an unknown offset: the
 more variable for each anchor, with the filter's prior and walk. Where the truth has no extent and
 no link is passive, the bound is that of a device alone (:mod:`.alone`), from ranges and
 differences. ``pcrlb`` counts the links that
-delivered an event, ``pcrlb-star`` (:mod:`.pcrlb_star`) the blocked ones as well.
+delivered an event, ``pcrlb-star`` (:mod:`.pcrlb_star`) the blocked ones as well, and
+``pcrlb-smooth`` (:mod:`.pcrlb_smooth`) those of later steps.
 
 The bound belongs to no estimator: that column is empty. ``<name>-valid`` is 1 while the standard
 deviation of b_phi is at most 1 rad and the linearised bound on the device holds, otherwise 0; the
@@ -19,6 +20,7 @@ centre is linear in the state and always valid. The prior holds at the first eve
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -39,6 +41,8 @@ from .information import covariance_bounds, information
 
 _log = logging.getLogger(__name__)
 Point = tuple[float, float, float]
+Recursion = Callable[[Array, Array, Array, Array], Array]
+"""Bounds by step from prior, F, Q and information, as :func:`.information.covariance_bounds`."""
 
 SUMMARY = "posterior Cramér-Rao bound on the device and the centre, blocked links without events"
 PARTS = ("device", "centre")
@@ -131,12 +135,21 @@ def score(estimates: Estimates, recording: Recording, params: Params) -> Scores:
     return bounds(recording, params, "pcrlb", blocked=False)
 
 
-def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Scores:
-    """The scores called ``name`` of the links with events, and of the ``blocked`` ones if asked."""
+def bounds(
+    recording: Recording,
+    params: Params,
+    name: str,
+    blocked: bool,
+    known: Recursion = covariance_bounds,
+) -> Scores:
+    """The scores called ``name`` of the links with events, and of the ``blocked`` ones if asked.
+
+    ``known`` says from which steps' links a step is known: by default from those until then.
+    """
     stream = _stream(recording)
     has_body = recording.truth is None or recording.truth.objects.semi_axes is not None
     if not has_body and PASSIVE not in stream.scan["mode"]:
-        return _alone(recording, stream, params, name)
+        return _alone(recording, stream, params, name, known)
     if TDOA in stream.scan["mode"]:
         raise InputError(f"{recording.meta.name}: the bound of a body is not for differences")
     time_ns, tx, rx = _links(stream, recording, blocked)
@@ -165,7 +178,7 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
     model = prior(first, params), *transitions(dt, params)
     if params.range_bias_std > 0:
         model = with_offsets(*model, dt, len(anchors), params)
-    P = covariance_bounds(*model, J_z)
+    P = known(*model, J_z)
     inside = params.contains(steps)
     if not inside.any():
         raise InputError(f"{recording.meta.name}: no event is within the time to be scored")
@@ -188,7 +201,9 @@ def bounds(recording: Recording, params: Params, name: str, blocked: bool) -> Sc
     return Scores.join(tables)
 
 
-def _alone(recording: Recording, stream: Stream, params: Params, name: str) -> Scores:
+def _alone(
+    recording: Recording, stream: Stream, params: Params, name: str, recursion: Recursion
+) -> Scores:
     """The bound of a device without a body."""
     steps = np.unique(stream.time_ns)
     if len(np.unique(stream.scan["tx"][stream.scan["mode"] != PASSIVE])) > 1:
@@ -204,7 +219,7 @@ def _alone(recording: Recording, stream: Stream, params: Params, name: str) -> S
         raise InputError(f"{recording.meta.name}: no event is within the time to be scored")
     if any(s.kind == "odometry" for s in recording.streams.values()):
         _log.warning("%s: the bound does not know of the odometry", recording.meta.name)
-    P = alone.bound(recording, stream, steps, p, params)
+    P = alone.bound(recording, stream, steps, p, params, recursion)
     value = np.sqrt(np.trace(P[:, :2, :2], axis1=1, axis2=2))[inside]
     key = recording.meta.name, "", name, "device"
     whole = rows(key, np.nan, np.sqrt(np.mean(value**2)), len(value))

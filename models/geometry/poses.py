@@ -33,6 +33,45 @@ def pose_at(sensor: Sensor, time_ns: int) -> tuple[Array, Array]:
     )
 
 
+def poses_at(sensor: Sensor, time: Array) -> tuple[Array, Array]:
+    """:func:`pose_at` of many times (n,) [s]: positions (n, 3) and rotations (n, 3, 3).
+
+    Raises
+    ------
+    InputError : nobody knows where the sensor is
+    """
+    if len(sensor.time_ns) < 2:
+        q, turn = pose_at(sensor, 0)
+        return np.tile(q, (len(time), 1)), np.tile(turn, (len(time), 1, 1))
+    t = sensor.time_ns / 1e9
+    i = np.clip(np.searchsorted(t, time), 1, len(t) - 1)
+    share = np.clip((time - t[i - 1]) / (t[i] - t[i - 1]), 0.0, 1.0)
+    a, b = sensor.position[i - 1], sensor.position[i]
+    ends = zip(sensor.quaternion[i - 1], sensor.quaternion[i], share.tolist(), strict=True)
+    if (sensor.quaternion == sensor.quaternion[0]).all():
+        turn = np.tile(rotation(sensor.quaternion[0]), (len(time), 1, 1))
+    else:
+        turn = np.array([rotation(slerp(*one)) for one in ends]).reshape(-1, 3, 3)
+    return a + share[:, None] * (b - a), turn
+
+
+def velocity_at(sensor: Sensor, time_ns: int) -> Array:
+    """Velocity (3,) [m/s] of a sensor in the map at ``time_ns``, as its poses tell it.
+
+    At a sample it is the slope of the parabola through it and its neighbours; between two it is
+    interpolated. Outside it is that of the end for as long as the next sample is away, then zero.
+    """
+    t, p, k = sensor.time_ns, sensor.position, len(sensor.time_ns)
+    if k < 2 or time_ns < 2 * t[0] - t[1] or time_ns > 2 * t[-1] - t[-2]:
+        return np.zeros(3)
+    i = min(max(int(np.searchsorted(t, time_ns, "right")), 1), k - 1)
+    first = max(i - 2, 0)
+    near = slice(first, i + 2)
+    v = np.gradient(p[near], (t[near] - t[i]) * 1e-9, axis=0)[i - 1 - first :]
+    share = min(max(float(time_ns - t[i - 1]) / float(t[i] - t[i - 1]), 0.0), 1.0)
+    return np.asarray(v[0] + share * (v[1] - v[0]))
+
+
 def slerp(a: Array, b: Array, share: float) -> Array:
     """Unit quaternion (4,) at ``share`` in [0, 1] of the shorter way from ``a`` to ``b``."""
     cosine = float(a @ b)

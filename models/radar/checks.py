@@ -2,7 +2,8 @@
 
 A field of view tells which targets a radar may detect. The noise carries what it measures of them
 over the bounds, so a detection may stand as far outside as the noise that the rows or the model
-state explains; where nothing is stated, as far as rounding does.
+state explains; where nothing is stated, as far as rounding does. So it is with radial speeds and
+``doppler_max``: those that differ by twice as much are one and the same to the radar.
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ def check_detections(stream: Stream, at: Where) -> None:
         _check_tables(stream, at / "model")
     if any(key.startswith("view_") for key in stream.scan):
         _check_view(stream, at)
+    if "doppler_max" in stream.model:
+        _check_doppler(stream, at)
     if stream.kind == "range_angle_map":
         _check_axes(stream, at)
 
@@ -101,6 +104,17 @@ def _check_view(stream: Stream, at: Where) -> None:
     turn = (azimuth - np.repeat(first, counts) + slip) % (2 * pi)
     beside = turn > np.repeat(width, counts) + 2 * slip
     (at / f"rows/{keys[1]}").none(beside, stream.rows[keys[1]], "is beside the view's azimuths")
+
+
+def _check_doppler(stream: Stream, at: Where) -> None:
+    """Radial speeds as the radar tells them apart, from ``-doppler_max`` to ``doppler_max``."""
+    most = float(stream.model["doppler_max"])
+    if most <= 0:
+        (at / "model/doppler_max").fail(f"{most!r} is not positive")
+    if "doppler" in stream.rows:
+        speed = stream.rows["doppler"]
+        slack = ROUNDING + SPREAD * float(stream.model.get("std_doppler", 0.0))
+        (at / "rows/doppler").none(np.abs(speed) > most + slack, speed, "is beyond doppler_max")
 
 
 def _check_axes(stream: Stream, at: Where) -> None:

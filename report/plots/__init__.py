@@ -5,5 +5,16 @@ Matplotlib, the extra ``echoset[plot]``, is imported only where something is dra
 
 from .draw import FORMATS, GROUP, available, figure, inline, save
 from .protocol import Inputs, Selection
+from .residuals import residuals
 
-__all__ = ["FORMATS", "GROUP", "Inputs", "Selection", "available", "figure", "inline", "save"]
+__all__ = [
+    "FORMATS",
+    "GROUP",
+    "Inputs",
+    "Selection",
+    "available",
+    "figure",
+    "inline",
+    "residuals",
+    "save",
+]

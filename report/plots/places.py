@@ -43,6 +43,32 @@ def detections(recording: Recording, selection: Selection) -> tuple[Array, Array
     return np.concatenate(times), np.concatenate(places)
 
 
+_STRENGTH = {"power": 10.0, "amplitude": 20.0, "rcs": 10.0}
+"""Columns that tell how strong a detection is, and what makes decibels of their logarithms."""
+
+
+def shades(recording: Recording, selection: Selection) -> tuple[str, Array]:
+    """What tells detections apart, and its value for each (m,), in the order of :func:`detections`.
+
+    Doppler [m/s] where a radar has it, or else how strong they are [dB]; NaN for detections that do
+    not have it. Empty without either.
+    """
+    streams = [stream for _, stream in radars(recording)]
+    known = {column for stream in streams for column in stream.rows}
+    column = next((c for c in ("doppler", *_STRENGTH) if c in known), "")
+    values = [np.zeros(0)]
+    for stream in streams:
+        own = stream.rows.get(column, np.full(int(stream.row_offset[-1]), np.nan))
+        for k in selection.times(seconds(stream.time_ns)).tolist():
+            values.append(own[stream.row_offset[k] : stream.row_offset[k + 1]])
+    found = np.concatenate(values)
+    if column in _STRENGTH:
+        with np.errstate(divide="ignore"):
+            decibels = _STRENGTH[column] * np.log10(found)
+        found = np.where(np.isfinite(decibels), decibels, np.nan)
+    return column, found
+
+
 def _local(stream: Stream) -> Array:
     """Positions (m, 3) of the rows in the sensor's frame."""
     rows = stream.rows

@@ -14,7 +14,18 @@ from .clock import time_axis
 from .labels import place
 from .panels import legend
 from .protocol import Inputs, Selection
-from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from .style import (
+    BLACK,
+    BLUE,
+    DIVERGING,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    SURFACE,
+    VERMILION,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,10 +62,8 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     dots: dict[str, Any] = {"color": GREY, "s": 1.5, "lw": 0, "alpha": 0.6, "zorder": 1}
     dots["rasterized"] = len(time) > MANY
     if len(time):
-        above.scatter(detected[:, 0], detected[:, 1], **dots)
         above.plot([], [], color=GREY, ls="", marker=".", markersize=4, label="detections")
-        for a, column in zip(over, detected.T[:2], strict=True):
-            a.scatter(time, column, **dots)
+        _detections(figure, axes, time, detected, places.shades(recording, selection), dots)
     for outline in places.views(recording, selection):
         _outline(above, outline, color=SKY, lw=0.9, ls=(0, (6, 2)), label="field of view")
     for name, corners in places.regions(recording, inputs.estimates).items():
@@ -79,6 +88,44 @@ def draw(figure: Figure, inputs: Inputs, selection: Selection) -> None:
     legend(figure, above, over[1])
     _true_to_scale(figure, above)
     place(above, *_stands(recording, selection))
+
+
+_SHADES = {
+    "doppler": ("Doppler [m/s]", DIVERGING),
+    "power": ("power over the noise [dB]", SURFACE),
+    "amplitude": ("amplitude [dB]", SURFACE),
+    "rcs": ("radar cross-section [dBsm]", SURFACE),
+}
+_OUTER = 1.0
+"""Percent of the detections at either end that share the last colours."""
+
+
+def _detections(
+    figure: Figure,
+    axes: dict[str, Axes],
+    time: Array,
+    place: Array,
+    shades: tuple[str, Array],
+    dots: dict[str, Any],
+) -> None:
+    """Dots from above and over time; in colour where something tells them apart, else grey."""
+    pairs = ((axes["map"], place[:, 0], 1), (axes["x"], time, 0), (axes["y"], time, 1))
+    column, values = shades
+    known = np.isfinite(values)
+    for a, x, k in pairs:
+        a.scatter(x[~known], place[~known, k], **dots)
+    if not known.any():
+        return
+    label, colours = _SHADES[column]
+    low, high = np.percentile(values[known], [_OUTER, 100 - _OUTER])
+    if column == "doppler":
+        high = max(abs(low), abs(high), 1e-3)
+        low = -high
+    shown = {k: v for k, v in dots.items() if k != "color"} | {"cmap": colours, "s": 2.5}
+    shown |= {"vmin": low, "vmax": max(high, low + 1e-3), "alpha": 0.9}
+    for a, x, k in pairs:
+        image = a.scatter(x[known], place[known, k], c=values[known], **shown)
+    figure.colorbar(image, ax=[axes["x"], axes["y"]], label=label, extend="both", aspect=40)
 
 
 _NOTE: dict[str, Any] = {

@@ -13,6 +13,8 @@ BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#777777"
 SURFACE = "cividis"
 """Colour map of fields: of even steps in lightness, for every kind of eye."""
+DIVERGING = "coolwarm"
+"""Colour map of what is positive or negative: blue below zero, red above, grey at it."""
 LABEL = {"boxstyle": "square,pad=0.1", "facecolor": "#ffffffb0", "edgecolor": "none"}
 """The ground of a label on a field."""
 CM = 1 / 2.54
@@ -27,7 +29,11 @@ _LINES: tuple[tuple[str, Any, str], ...] = (
     (SKY, (0, (5, 1.2, 1, 1.2, 1, 1.2)), "P"),
 )
 _HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "----")
-_BOUNDS: tuple[tuple[str, Any], ...] = ((BLACK, "-"), (BLACK, (0, (3, 1.5))))
+_BOUNDS: tuple[tuple[str, Any], ...] = (
+    (BLACK, "-"),
+    (BLACK, (0, (3, 1.5))),
+    (BLACK, (0, (1, 1.2))),
+)
 _STYLE: Any = {
     "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial"],
     "font.size": 8,

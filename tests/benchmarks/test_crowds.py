@@ -29,9 +29,9 @@ def small(monkeypatch):
 def test_a_page_has_all_tables(small, tmp_path):
     driver.make(crowds, 0.0, tmp_path, tmp_path / "pieces", 1)
     page = (tmp_path / "crowds.md").read_text()
-    assert "nan" not in page and page.count("2 runs") == 4
+    assert "nan" not in page and page.count("2 runs") == 5
     tables = re.findall(r"(?:^\|.*\n)+", page, re.M)
-    assert len(tables) == 5
+    assert len(tables) == 6
     for table in tables:
         assert len({line.count(" | ") for line in table.splitlines()}) == 1, table
     assert "% in turns" in page and "% in straight runs" in page

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 import time
 from contextlib import closing
@@ -11,6 +12,9 @@ import pytest
 
 from echoset import formats
 from echoset.campaign import log, progress
+from echoset.campaign.estimate import Task
+from echoset.campaign.files.outputs import Target
+from echoset.estimators.run import Estimation
 
 
 class Terminal(io.StringIO):
@@ -67,6 +71,17 @@ def test_silent_off_a_terminal(monkeypatch):
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     source = Reading(8)
     assert len(list(progress.share(source, source))) == 4 and not sys.stderr.getvalue()
+
+
+def test_a_pass_backwards_has_a_bar_of_its_own(monkeypatch, rec, tmp_path):
+    """The first counts the scans read, though no estimate comes before the second is over."""
+    log.configure()
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    layers = (("here", {"smooth": "whole", "particles": 100}),)
+    target = Target(tmp_path / "out.h5", "h5")
+    Task(str(rec), target, Estimation("eopda-geo", layers), show=True).run()
+    units = re.findall(r"(scan|step)/s", sys.stderr.getvalue())
+    assert list(dict.fromkeys(units)) == ["scan", "step"], sys.stderr.getvalue()
 
 
 @pytest.mark.parametrize(("form", "unit"), [("h5", "scan"), ("mcap", "B")])

@@ -55,6 +55,26 @@ def test_bytes_are_equal_for_all_formats(run, scene, tmp_path, words):
     assert one == other
 
 
+@pytest.mark.parametrize("words", [("--smooth",), ("--smooth", "0.6s")])
+@pytest.mark.parametrize("name", ["eopda-geo", "a-eopda-ideal", "ap-pda", "position"])
+def test_filters_of_a_device(run, tmp_path, name, words):
+    """Equal bytes from both formats and any number of workers; contents that a reader takes."""
+    settings = ("--set", "steps=14", "--set", "blocked=[[5, 8, 1], [5, 8, 2], [5, 8, 3]]")
+    assert run("simulate", "uwb-los", *settings, "-o", tmp_path / "one.h5").code == 0
+    run("convert", tmp_path / "one.h5", "-o", tmp_path / "two.mcap")
+    few = ("--set", "particles=150", "--set", "learn=[]")
+    files = tmp_path / "one.h5", tmp_path / "two.mcap"
+    made = []
+    for jobs in ("1", "2"):
+        out = f"{tmp_path}/{jobs}/"
+        assert run("estimate", "-e", name, *words, *few, *files, "-o", out, "-j", jobs).code == 0
+        made += [(tmp_path / jobs / f"{s}.{name}-smooth.h5").read_bytes() for s in ("one", "two")]
+    assert len(set(made)) == 1
+    found = formats.read(tmp_path / "1" / f"one.{name}-smooth.h5")
+    assert found.estimator == f"{name}-smooth" and len(found.objects.time_ns) == 14
+    assert run("validate", "--strict", tmp_path / "1" / f"one.{name}-smooth.h5").code == 0
+
+
 def test_made_anew_only_if_asked_otherwise(run, scene, tmp_path):
     out = tmp_path / "out.h5"
     words = ("estimate", "-e", "pmb", scene, "-o", out, "--skip-existing")

@@ -107,7 +107,9 @@ def test_every_column(reference) -> None:
         assert f"`{kind}`" in text and all(f"`{name}`" in text for name in names)
 
 
-@pytest.mark.parametrize("leaf", {*RECORDING, *ESTIMATES}, ids=lambda leaf: leaf.path)
+@pytest.mark.parametrize(
+    "leaf", [*dict.fromkeys((*RECORDING, *ESTIMATES))], ids=lambda leaf: leaf.path
+)
 def test_every_leaf(leaf: Leaf) -> None:
     """Each has the row that its declaration gives; the objects of truth those of estimates."""
     kind = f"`{leaf.type}`" if leaf.type in ("i4", "i8", "f8") else leaf.type

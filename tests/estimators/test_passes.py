@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from tempfile import TemporaryFile
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,25 @@ def test_estimates_wait_for_what_comes(wait, expected):
     assert [int(e.steps["number"][0]) for e in found] == list(range(5))
 
 
+@pytest.mark.parametrize(("wait", "expected"), [(np.inf, 5), (2.0, 5)])
+def test_only_what_is_yielded_is_made(wait, expected):
+    made = []
+
+    def lazy(carried, record):
+        total, objects = backward(carried, record)
+
+        def make():
+            made.append(record)
+            return objects
+
+        return total, make
+
+    found = list(smoothed(forward([1, 2, 4, 8, 16]), lazy, wait))
+    own = list(smoothed(forward([1, 2, 4, 8, 16]), backward, wait))
+    assert [e.objects.state[0, 0] for e in found] == [e.objects.state[0, 0] for e in own]
+    assert len(made) == expected
+
+
 def test_what_has_waited_long_enough_is_not_kept_back():
     """With a lag of 2 s the first estimate comes with the third time."""
     seen = []
@@ -101,6 +122,31 @@ def test_a_stack_may_grow_again_while_it_is_taken_off(monkeypatch):
                 assert next(iter(stack))[0] == expected.pop()
         assert stack.spilled
         assert [k for k, _ in stack] == expected[::-1]
+
+
+def test_the_file_is_where_it_is_told_and_the_way_back_is_watched(monkeypatch, tmp_path):
+    monkeypatch.setattr(passes, "SPILL", 1000)
+    monkeypatch.setattr(passes, "BLOCK", 2)
+    folders, steps = [], []
+
+    def file(dir):
+        folders.append(dir)
+        return TemporaryFile(dir=dir)
+
+    def watch(items, total):
+        for k, item in enumerate(items):
+            steps.append((k, total))
+            yield item
+
+    monkeypatch.setattr(passes, "TemporaryFile", file)
+    token = passes.AROUND.set(passes.Around(tmp_path, watch))
+    try:
+        out = list(smoothed(forward(range(99)), backward, np.inf))
+    finally:
+        passes.AROUND.reset(token)
+    assert [float(e.objects.state[0, 0]) for e in out] == [sum(range(k, 99)) for k in range(99)]
+    assert folders == [tmp_path, tmp_path] and not list(tmp_path.iterdir())
+    assert steps == [(k, 99) for k in range(99)]
 
 
 @pytest.mark.parametrize(

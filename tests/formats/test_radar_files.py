@@ -12,6 +12,7 @@ import pytest
 from mcap.writer import Writer
 
 from echoset import formats
+from echoset.cli.main import main
 from echoset.formats import windows
 from echoset.formats.importers import autoferry
 from echoset.models import registry
@@ -103,3 +104,55 @@ def test_a_scan_whose_values_were_left_out_is_refused(tmp_path: Path, monkeypatc
     source = formats.open_source(tmp_path / "a.mcap")
     with closing(source), pytest.raises(FormatError, match="values of the scan do not fit"):
         list(source.scans())
+
+
+TABLE = """frame,x,y,z,v,snr,size,first,last,far
+0,10,1,0.5,-2.5,20,10,-60,60,70
+0,12,-1,0.25,3.5,10,-10,-60,60,70
+1,,,,,,,-60,60,70
+2,9.75,1,0.5,-2.5,20,10,-30,30,70
+"""
+MAPPING = """kind: position
+columns:
+  time: {column: frame, scale: 0.1}
+  x: x
+  y: y
+  z: z
+  doppler: v
+  power: {column: snr, unit: dB}
+  amplitude: {column: snr, unit: dB}
+  rcs: {column: size, unit: dBsm}
+  view_azimuth_min: {column: first, unit: deg}
+  view_azimuth_max: {column: last, unit: deg}
+  view_range_max: far
+model: {doppler_max: 4.0, std_doppler: 0.1}
+"""
+
+
+@pytest.mark.parametrize("format", ["h5", "mcap"])
+def test_all_that_a_radar_tells(tmp_path: Path, format: str, capfd: pytest.CaptureFixture[str]):
+    """From a table through the mapping to a file, ``validate`` and ``info``."""
+    log, said, out = tmp_path / "log.csv", tmp_path / "log.yaml", tmp_path / f"log.{format}"
+    log.write_text(TABLE)
+    said.write_text(MAPPING)
+    convert = ["convert", "--from", "csv", str(log), "--mapping", str(said), "-o", str(out)]
+    assert main(convert) == 0
+    assert "no estimator or metric takes" not in capfd.readouterr().err
+    assert main(["validate", "--strict", str(out)]) == 0
+    assert main(["info", str(out)]) == 0
+    shown = capfd.readouterr().out
+    assert "position, 3 times (1 empty), 3 rows: " in shown
+    line = next(line for line in shown.splitlines() if "3 rows" in line)
+    assert {"doppler", "rcs", "amplitude", "power", "view_range_max"} <= set(line.split())
+    stream = formats.read(out).streams["radar"]
+    assert stream.model == {"doppler_max": 4.0, "std_doppler": 0.1}
+    np.testing.assert_array_equal(np.diff(stream.row_offset), [2, 0, 1])
+    np.testing.assert_array_equal(stream.rows["doppler"], [-2.5, 3.5, -2.5])
+    np.testing.assert_allclose(stream.rows["power"], [100, 10, 100], rtol=1e-12)
+    np.testing.assert_allclose(stream.rows["amplitude"], [10, 10**0.5, 10], rtol=1e-12)
+    np.testing.assert_allclose(stream.rows["rcs"], [10, 0.1, 10], rtol=1e-12)
+    views = stream.scan["view_azimuth_max"]
+    np.testing.assert_allclose(np.degrees(views), [60, 60, 30], rtol=1e-12)
+    said.write_text(MAPPING.replace("4.0", "3.0").replace("0.1}", "0.01}"))
+    assert main([*convert, "--overwrite"]) == 4
+    assert "rows/doppler[1]: 3.5 is beyond doppler_max" in capfd.readouterr().err

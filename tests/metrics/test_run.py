@@ -22,7 +22,7 @@ from echoset.models.errors import InputError
 from echoset.models.parameters import parameter
 from echoset.models.records import Estimates, Meta, Objects, Recording, Sensor, Stream, Truth
 
-BOUNDS = ("pcrlb", "pcrlb-star")
+BOUNDS = ("pcrlb", "pcrlb-star", "pcrlb-smooth")
 NAMES = registry.names("echoset.metrics")
 ALONE = ("rmse", "cdf", "nees")
 """Metrics of one object."""

@@ -76,7 +76,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     uwb = sorted((folder / "uwb").glob("*.h5"))
     run("estimate", "-e", "eopda-geo", "--set", "particles=200", *uwb, "-o", f"{folder}/geo/")
     geo = sorted((folder / "geo").glob("*.h5"))
-    score = ("-m", "rmse,cdf,pcrlb,pcrlb-star", "-o", folder / "uwb.csv")
+    score = ("-m", "rmse,cdf,pcrlb,pcrlb-star,pcrlb-smooth", "-o", folder / "uwb.csv")
     run("score", *geo, "--truth", folder / "uwb", *score)
     run("simulate", "meeting", "--set", "steps=20", "--set", "last=[9]", "-o", folder / "points.h5")
     for name in ("mbm", "phd"):

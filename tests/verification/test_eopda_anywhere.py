@@ -200,7 +200,13 @@ def test_each_anchor_long_by_its_own_amount():
 
 
 @pytest.mark.parametrize(
-    ("name", "most"), [("eopda-geo tuned", 0.045), ("eopda-ideal tuned", 0.025)]
+    ("name", "most"),
+    [
+        ("eopda-geo tuned", 0.045),
+        ("eopda-ideal tuned", 0.025),
+        ("eopda-geo tuned smooth", 0.030),
+        ("eopda-ideal tuned smooth", 0.018),
+    ],
 )
 def test_walks_that_were_learnt(name, most):
     found = marks.campaign(name, 20)

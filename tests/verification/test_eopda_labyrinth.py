@@ -24,6 +24,12 @@ def test_ranges_taken_as_calibrated():
     assert value <= 0.22 + 2 * error
 
 
+def test_smoothed():
+    value, error = rmse({"smooth": "whole"})
+    print(f"smoothed: {value:.3f} ± {error:.3f} m")
+    assert value <= 0.095
+
+
 def test_all_ranges_at_once():
     value, error = rmse({}, "range-ls")
     print(f"range-ls: {value:.3f} ± {error:.3f} m")

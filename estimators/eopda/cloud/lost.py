@@ -41,13 +41,15 @@ LEAST = 3
 class Doubt:
     """The last events with their evidence [nats], and the sum of surprises [nats].
 
-    The sum was zero before ``begun`` [ns]: if the device has been lost, then since that time.
+    The sum was zero before ``begun`` [ns], the first event of a search. At ``since`` [ns] lines of
+    sight had not surprised for the last time: if the device was lost, then after it.
     """
 
     recent: tuple[tuple[Event, float], ...] = ()
     total: float = 0.0
     alarm: float = ALARM
     begun: int = 0
+    since: int = 0
 
     def after(self, event: Event, evidence: float, surprise: float) -> Doubt:
         """The doubt after an event."""
@@ -56,7 +58,8 @@ class Doubt:
         total = max(0.0, self.total + surprise)
         alarm = max(ALARM, self.alarm * (0.98 if total == 0 else 1.0))
         begun = self.begun if self.total > 0 else event.time_ns
-        return Doubt(tuple(recent), total, alarm, begun)
+        since = event.time_ns if total == 0 and _is_seen(event) else self.since
+        return Doubt(tuple(recent), total, alarm, begun, since)
 
     @property
     def doubtful(self) -> list[tuple[Event, float]]:
@@ -66,14 +69,19 @@ class Doubt:
     @property
     def is_alarm(self) -> bool:
         """Whether the device should be sought anew."""
-        seen = sum(not (e.active.empty and e.differences.empty) for e, _ in self.doubtful)
+        seen = sum(_is_seen(event) for event, _ in self.doubtful)
         return self.total > self.alarm and seen >= LEAST
 
     def found(self, odds: float) -> Doubt:
         """The doubt after a search, with the probability that the device had been lost."""
         if odds > 0.5:
-            return Doubt()
+            return Doubt(since=self.since)
         return replace(self, total=0.0, alarm=min(2 * self.alarm, MOST_ALARM))
+
+
+def _is_seen(event: Event) -> bool:
+    """Whether the event has lines of sight."""
+    return not (event.active.empty and event.differences.empty)
 
 
 def search(

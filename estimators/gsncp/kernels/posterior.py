@@ -2,10 +2,11 @@
 
 Targets C = (c, E) send detections to the sensor state k with the mean rho_k(C) and the density
 N(z; c, Sigma_k(c) + E E^T) around them; clutter has the intensity lambda_c, centres are a Gibbs
-hard-core process of intensity lambda, extents are uniform in a box. With
-eta_km(C) = rho_k(C) N(z_km; c, Sigma_k(c) + E E^T) and Z_km = lambda_c + sum_l eta_km(C_l),
+hard-core process of intensity lambda, extents are uniform in a box. Clutter beyond D has the
+intensity b lambda_c, and counts for nothing else. With b_km = 1 for detections in D and b beyond,
+eta_km(C) = rho_k(C) N(z_km; c, Sigma_k(c) + E E^T) / b_km and Z_km = lambda_c + sum_l eta_km(C_l),
 
-    log posterior = sum_k [(1 - lambda_c) |D| - sum_l rho_k(C_l) + sum_m log Z_km]
+    log posterior = sum_k [(1 - lambda_c) |D| - sum_l rho_k(C_l) + sum_m log b_km Z_km]
                     + L log lambda + L log pi_E
 
 if the centres lie in D and at least R apart and the extents in their box. A problem in the plane
@@ -57,8 +58,9 @@ class Scene(NamedTuple):
     and ``frame`` (K, 3, 3) take points to the array's axes, for which ``cell`` (K, 5) holds the
     arguments of ``resolved`` in ``models/radar/ofdm``; the first is 0 where the last is r itself.
     Centres lie in [lower, upper] (3,), ``radius`` apart, extents in [e_lower, e_upper] (6,).
-    Detections with a squared Mahalanobis distance above ``gate`` have eta = 0. Births look where
-    ``weight`` (M,) is high, ``spread`` [m] around detections, or anywhere with probability
+    Detections with a squared Mahalanobis distance above ``gate`` have eta = 0. ``beyond`` (M,) is
+    the intensity of clutter at the detections relative to that in D, the b_km above. Births look
+    where ``weight`` (M,) is high, ``spread`` [m] around detections, or anywhere with probability
     ``uniform``; ``informed`` steps shrink with the number of detections, others are the paper's.
     """
 
@@ -78,6 +80,7 @@ class Scene(NamedTuple):
     radius: float
     p_false: float
     gate: float
+    beyond: Array
     weight: Array
     spread: float
     uniform: float
@@ -164,6 +167,7 @@ def columns(scene: Scene, c: Array, e: Array) -> tuple[Array, Array, Array]:
         d2 = np.einsum("lmi,lij,lmj->lm", x, np.linalg.inv(S[:, k]), x)
         peak = rho[:, k] / np.sqrt(np.linalg.det(2 * np.pi * S[:, k]))
         eta[:, a:b] = np.where(d2 <= scene.gate, peak[:, None] * np.exp(-d2 / 2), 0.0)
+    eta /= scene.beyond
     w = rho if scene.informed else np.ones_like(rho)
     A = np.einsum("lk,lkij->lij", w, np.linalg.inv(S))
     closed = ~free(scene.lower, scene.upper)[0]
@@ -186,21 +190,30 @@ def log_posterior(scene: Scene, c: Array, e: Array, intensity: Array) -> float:
         return -np.inf
     rho, eta, _ = columns(scene, c, e)
     K, D = rho.shape[1], free(scene.lower, scene.upper)[1]
-    likelihood = K * (1 - intensity[1]) * D - rho.sum() + np.log(intensity[1] + eta.sum(0)).sum()
+    Z = scene.beyond * (intensity[1] + eta.sum(0))
+    likelihood = K * (1 - intensity[1]) * D - rho.sum() + np.log(Z).sum()
     prior = np.log(intensity[0]) - np.log(free(scene.e_lower, scene.e_upper)[1])
     return float(likelihood + len(c) * prior)
 
 
-def intensities(scene: Scene, L: int, rho: float, clutter: float, volume: float) -> Array:
-    """Intensities (lambda, lambda_c) if L targets expect rho detections and ``clutter`` are false.
+def inside(scene: Scene) -> Array:
+    """Which of the detections (M,) lie in D."""
+    z = scene.z.T
+    return np.asarray(((z >= scene.lower) & (z <= scene.upper)).all(1))
+
+
+def intensities(scene: Scene, L: int, rho: float, clutter: Array, volume: float) -> Array:
+    """Intensities (lambda, lambda_c) if L targets expect rho detections and ``clutter`` (M,) are
+    the false ones, of which those in D tell lambda_c.
 
     The model intensities update of section 4, where ``volume`` is all of D. That is a hard-core
     process' number per volume, less than its lambda where targets leave each other little room:
     over :func:`room` it is lambda (Besag's pseudo-likelihood). The least are numbers in the region.
     """
     K, M, D = len(scene.offset) - 1, len(scene.weight), free(scene.lower, scene.upper)[1]
-    targets = L * (M - clutter) / (max(volume, LEAST * D) * rho) if L else 0.0
-    return np.maximum(LEAST / D, [targets, clutter / (max(K, 1) * D)])
+    targets = L * (M - clutter.sum()) / (max(volume, LEAST * D) * rho) if L else 0.0
+    false = (clutter & inside(scene)).sum()
+    return np.maximum(LEAST / D, [targets, false / (max(K, 1) * D)])
 
 
 def room(scene: Scene, c: Array) -> float:

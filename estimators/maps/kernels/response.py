@@ -19,27 +19,29 @@ import numpy as np
 from ....models.radar.reflectors import Reflectors, visibility
 from ....models.records import Array
 
-X, Y, Z, COS, SIN, R0, DR, A0, DA, GAIN, SPEED, BIN, ROWS, COLUMNS = range(14)
+X, Y, Z, COS, SIN, R0, DR, A0, DA, GAIN, SPEED, BIN, LATE = range(13)
 """Columns of a station: place, cosine and sine of its yaw, first range and step [m], first azimuth
-and step [rad], power of 1 m2 at 1 m over the noise, Doppler bins per m/s, range bin [m], cells."""
+and step [rad], power of 1 m2 at 1 m over the noise, Doppler bins per m/s, range bin [m], and by how
+much later than others it takes its map [s]."""
 BEAM = 2000
 """Entries of a table of the beam over the difference of sines, from 0 to 2."""
 POSITION_X, POSITION_Y, RCS, AXIS, INNER, OUTER = range(6)
 """Columns of a body's points."""
-STEP = 0.02, 0.02, 0.02, 0.1
-"""Steps of x, y [m], heading [rad] and log brightness for derivatives."""
+STEP = 0.02, 0.02, 0.02, 0.1, 0.003
+"""Steps of x, y [m], heading [rad], log brightness and log size for derivatives."""
 
 
 def reflecting(station: Array, body: Array, target: Array) -> tuple[Array, Array, Array, float]:
     """Slant range (L,), sine of azimuth (L,) and mean power (L,) of a body's points, and Doppler.
 
-    ``station`` (14,) and ``body`` (L, 6) have the columns above; ``target`` (6,) is x, y, heading,
-    log brightness, vx, vy. What is behind the array has no power. Doppler is in bins.
+    ``station`` (13,) and ``body`` (L, 6) have the columns above; ``target`` (7,) is x, y, heading,
+    log brightness, log size, vx, vy. What is behind the array has no power. Doppler is in bins.
     """
-    x, y, heading, brightness, vx, vy = target
+    x, y, heading, brightness, size, vx, vy = target
+    x, y = x + station[LATE] * vx, y + station[LATE] * vy
     c, s = np.cos(heading), np.sin(heading)
-    px = x + c * body[:, POSITION_X] - s * body[:, POSITION_Y] - station[X]
-    py = y + s * body[:, POSITION_X] + c * body[:, POSITION_Y] - station[Y]
+    along, left = np.exp(size) * body[:, POSITION_X : POSITION_Y + 1].T
+    px, py = x + c * along - s * left - station[X], y + s * along + c * left - station[Y]
     sight = np.arctan2(station[Y] - y, station[X] - x) - heading
     seen = visibility(Reflectors(body[:, :2], body[:, RCS], *body[:, AXIS : OUTER + 1].T), sight)
     r = np.sqrt(px**2 + py**2 + station[Z] ** 2)
@@ -117,10 +119,10 @@ def fit(
     """What a target adds to the log-likelihood of its windows, and its score and information.
 
     ``power``, ``rest`` (S, R, A) are the maps and their mean without it; ``windows`` (S, 4).
-    Gradient (4,) and expected information (4, 4) are those of x, y, heading and log brightness;
-    zeros unless ``derive``.
+    Gradient (5,) and expected information (5, 5) are those of x, y, heading, log brightness and
+    log size; zeros unless ``derive``.
     """
-    total, g, J = 0.0, np.zeros(4), np.zeros((4, 4))
+    total, g, J = 0.0, np.zeros(5), np.zeros((5, 5))
     for q, (i0, i1, j0, j1) in enumerate(windows.tolist()):
         if i1 <= i0 or j1 <= j0:
             continue
@@ -142,7 +144,7 @@ def fit(
                 up[k] += h
                 down[k] -= h
                 slope.append((mean(up) - mean(down)) / (2 * h * M))
-            d = np.stack(slope).reshape(4, -1)
+            d = np.stack(slope).reshape(len(STEP), -1)
             g += d @ score.ravel()
             J += shape / (shape + 2) * (d @ d.T)
     return float(total), g, J

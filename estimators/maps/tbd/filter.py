@@ -11,7 +11,7 @@ track-before-detect algorithms", EURASIP J. Adv. Signal Process. 2008, tells the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
@@ -20,11 +20,13 @@ import numpy as np
 from ....models.classifier import CLASSES
 from ....models.errors import EstimatorError
 from ....models.records import Array, Estimates, Objects, Recording, Scan
+from ...kernels.passes import smoothed
 from ..choice import Choice
 from ..params import MAPS
 from .moves import CROWD, born, needed, overlapping, rethought, without
 from .params import Params
 from .scene import Layout, View
+from .smoothing import Trail, back
 from .targets import GAIN, SURE, YOUNG, Targets, predict, update
 
 __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
@@ -78,21 +80,20 @@ def step(
     gone = np.flatnonzero(exists < -params.birth_price)
     if len(gone):
         targets, mean = without(targets, view, mean, gone)
-    targets = _doubted(targets, view, mean, params)
+    targets = doubted(targets, view, mean, params)
     evidence = MEMORY * state.evidence + (1 - MEMORY) * view.gains(mean, params.shape)
     most = FIRST if state.time_ns is None else LATER
     if state.time_ns is None:
         evidence /= 1 - MEMORY
     targets, free = born(targets, view, mean, evidence, state.free, most, params)
-    due = np.flatnonzero(_due(targets, params))
-    for label in targets.label[due].tolist():
+    for label in targets.label[due(targets, params)].tolist():
         about = np.flatnonzero(targets.label == label)
         if len(about):
             targets, mean, free = rethought(targets, view, mean, int(about[0]), free, params)
     return State(targets, evidence, free, time_ns, state.turn + 1)
 
 
-def _doubted(targets: Targets, view: View, mean: Array, params: Params) -> Targets:
+def doubted(targets: Targets, view: View, mean: Array, params: Params) -> Targets:
     """The targets, those that are young or unsure beside others less sure if these do without."""
     crowded, young = _crowded(targets), targets.age <= YOUNG
     exists = targets.exists.copy()
@@ -109,44 +110,63 @@ def _crowded(targets: Targets) -> Array:
     return np.asarray(np.count_nonzero(d < CROWD, axis=0) > 1)
 
 
-def _due(targets: Targets, params: Params) -> Array:
+def due(targets: Targets, params: Params) -> Array:
     """Which targets (n,) are explained anew: after some scans, and new ones beside others."""
     crowded = _crowded(targets)
     often = (targets.age + targets.label) % params.rethink == 0
-    due: Array = (np.isin(targets.age, SOON) & crowded) | (often & (targets.age > 1))
-    return due
+    return np.asarray((np.isin(targets.age, SOON) & crowded) | (often & (targets.age > 1)))
 
 
 def estimate(
     setup: Recording, scans: Iterable[Scan], params: Params, rng: np.random.Generator
 ) -> Iterator[Estimates]:
-    """Yield the targets after each time.
+    """Yield the targets after each time, smoothed or not.
 
     Raises
     ------
     InputError : fewer streams of maps than are asked for, a stream that does not state its waveform
     EstimatorError : a state that is not finite
     """
+    return smoothed(_forward(setup, scans, params), _backward(params), params.wait)
+
+
+def _forward(
+    setup: Recording, scans: Iterable[Scan], params: Params
+) -> Iterator[tuple[Estimates, Trail]]:
+    """The filter's estimates, and all targets that it follows."""
     choice = Choice.of(setup, params)
     layout = Layout.of(setup, choice.used, params)
     state = init(layout)
     maps = (s for s in choice.scans(scans, params.fuse_within) if s.stream in choice.used)
-    for _, together in groupby(maps, key=lambda scan: scan.time_ns):
+    for time_ns, together in groupby(maps, key=lambda scan: scan.time_ns):
         state = step(state, list(together), layout, setup, params)
-        yield _estimates(state, setup, params)
+        trail = Trail(time_ns, state.targets)
+        objects = _objects(trail, params.extract_existence)
+        yield Estimates(replace(setup.meta), objects, _numbers(state.targets)), trail
 
 
-def _estimates(state: State, setup: Recording, params: Params) -> Estimates:
-    t = state.targets
+def _backward(params: Params) -> Callable[[Trail | None, Trail], tuple[Trail, Objects]]:
+    """The way back from time to time."""
+
+    def step(later: Trail | None, now: Trail) -> tuple[Trail, Objects]:
+        trail = back(later, now, params)
+        return trail, _objects(trail, params.extract_existence)
+
+    return step
+
+
+def _objects(trail: Trail, least: float) -> Objects:
+    """The targets of one time whose existence is more probable than ``least``."""
+    t = trail.targets
     if not np.isfinite(t.m).all():
         raise EstimatorError("the state of a target is not finite")
     p = 1 / (1 + np.exp(-t.exists))
-    shown = np.flatnonzero(p > params.extract_existence)
+    shown = np.flatnonzero(p > least)
     t, n = t.take(shown), len(shown)
     vehicle = 1 / (1 + np.exp(-t.vehicle))
     probability = np.stack((1 - vehicle, vehicle), 1)
-    objects = Objects(
-        np.array([state.time_ns], np.int64),
+    return Objects(
+        np.array([trail.time_ns], np.int64),
         np.array([0, n], np.int64),
         t.label,
         NAMES,
@@ -158,8 +178,12 @@ def _estimates(state: State, setup: Recording, params: Params) -> Estimates:
         class_index=probability.argmax(1),
         class_probability=probability,
     )
-    numbers = {
+
+
+def _numbers(targets: Targets) -> dict[str, Array]:
+    """What is stated per step."""
+    p = 1 / (1 + np.exp(-targets.exists))
+    return {
         "cardinality_mean": np.array([p.sum()]),
         "cardinality_variance": np.array([(p * (1 - p)).sum()]),
     }
-    return Estimates(replace(setup.meta), objects, numbers)

@@ -84,7 +84,7 @@ def clear(kind: int, m: Array, others: Targets, params: Params) -> bool:
     half = np.array([params.vehicle_length, params.vehicle_width]) / 2
     for k, o in zip(others.kind.tolist(), others.m, strict=True):
         d = o[:2] - m[:2]
-        if np.hypot(*d) > 2 * half[0] + 1:
+        if np.hypot(*d) > 3 * half[0] + 1:
             continue
         if kind == k == PEDESTRIAN:
             if np.hypot(*d) < APART:
@@ -99,8 +99,9 @@ def clear(kind: int, m: Array, others: Targets, params: Params) -> bool:
                 points = np.zeros((1, 2))
             else:
                 c, s = np.cos(b[4]), np.sin(b[4])
-                points = 0.8 * PARTS * half @ np.array([[c, s], [-s, c]])
-            size = half * 0.8 if other == VEHICLE else half + BESIDE
+                points = 0.8 * np.exp(b[6]) * PARTS * half @ np.array([[c, s], [-s, c]])
+            size = half * np.exp(a[6])
+            size = size * 0.8 if other == VEHICLE else size + BESIDE
             inside = np.abs((way + points) @ R.T) < size
             if inside.all(1).any():
                 return False

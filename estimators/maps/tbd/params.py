@@ -9,6 +9,7 @@ import numpy as np
 from ....models.parameters import parameter
 from ....models.radar.reflectors import Reflectors, pedestrian, vehicle
 from ....models.records import Array
+from ...kernels.passes import SmoothParams
 from ..params import FusionParams
 
 
@@ -51,7 +52,7 @@ def _columns(body: Reflectors) -> Array:
 
 
 @dataclass(frozen=True)
-class Params(BodyParams, FusionParams):
+class Params(BodyParams, SmoothParams, FusionParams):
     """Likelihood, motion, and how targets come and go."""
 
     TITLE = "targets"
@@ -63,10 +64,16 @@ class Params(BodyParams, FusionParams):
         within="(0, inf)",
     )
     weight: float = parameter(
-        0.1,
+        0.4,
         "1",
         "independent cells for one of the map: what an echo spreads over fluctuates together",
         within="(0, 1]",
+    )
+    dynamic_range: float = parameter(
+        22.0,
+        "dB",
+        "what stands so far below the echo of 1 m2 at its range tells nothing: sidelobes",
+        within="(0, inf)",
     )
     acceleration_density: float = parameter(
         0.5, "m2 s-3", "white acceleration in continuous time", within="(0, inf)"
@@ -82,6 +89,12 @@ class Params(BodyParams, FusionParams):
         "1",
         "deviation of a target's log brightness from what a body of its class has",
         within="(0, inf)",
+    )
+    std_size: float = parameter(
+        0.2, "1", "deviation of a vehicle's log size from what is stated", within="(0, inf)"
+    )
+    size_time: float = parameter(
+        100.0, "s", "time over which it is known no more", within="(0, inf)"
     )
     brightness_time: float = parameter(2.0, "s", "time over which it changes", within="(0, inf)")
     std_speed: float = parameter(
@@ -105,3 +118,4 @@ class Params(BodyParams, FusionParams):
 
     def __post_init__(self) -> None:
         FusionParams.__post_init__(self)
+        SmoothParams.__post_init__(self)

@@ -21,17 +21,18 @@ from ....models.records import Array, Recording, Scan
 from ..frames import STAMP
 from ..kernels import response
 from ..kernels.compiled import response as compiled
-from ..kernels.response import A0, BIN, COS, DA, DR, GAIN, R0, SIN, SPEED, X, Y, Z
+from ..kernels.response import A0, BIN, COS, DA, DR, GAIN, LATE, R0, SIN, SPEED, X, Y, Z
 from ..stations import power
 from .params import Params
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layout:
-    """Stations (S, 14) with their beams (S, n), the ``shape`` (R, A) of their maps, and bodies.
+    """Stations (S, 13) with their beams (S, n), the ``shape`` (R, A) of their maps, and bodies.
 
-    ``noise`` (S,) is the unit of their powers. ``places`` (J, 2) are where new targets are looked
-    for, with ``cell`` and ``weight`` as the kernel takes them.
+    ``noise`` (S,) is the unit of their powers, ``floor`` (S, R) the mean of cells where nothing is.
+    ``places`` (J, 2) are where new targets are looked for, with ``cell`` and ``weight`` as the
+    kernel takes them.
     """
 
     names: tuple[str, ...]
@@ -39,6 +40,7 @@ class Layout:
     beams: Array
     sizes: Array
     noise: Array
+    floor: Array
     bodies: list[Array]
     places: Array
     cell: Array
@@ -58,7 +60,7 @@ class Layout:
             station = _station(name, stream.model)
             axes = [np.asarray(stream.model[f"{a}_axis"], float) for a in ("range", "azimuth")]
             sizes.append([len(a) for a in axes])
-            row = np.zeros(14)
+            row = np.zeros(13)
             row[[R0, A0]] = [a[0] for a in axes]
             row[[DR, DA]] = [(a[-1] - a[0]) / (len(a) - 1) for a in axes]
             row[GAIN] = reference_echo(station, 1.0)
@@ -70,10 +72,11 @@ class Layout:
             beams.append(_beam(station))
         found = Layout(
             tuple(names),
-            np.array(rows).reshape(-1, 14),
+            np.array(rows).reshape(-1, 13),
             np.array(beams).reshape(-1, response.BEAM),
             np.array(sizes, np.int64).reshape(-1, 2),
             np.array(noise),
+            _floor(np.array(rows).reshape(-1, 13), sizes, params),
             params.bodies,
             *_nowhere(),
         )
@@ -95,13 +98,27 @@ class Layout:
             cell[seen, q] = at[seen]
             weight[:, q] = station[GAIN] * params.rcs_pedestrian / np.maximum(r, 1.0) ** 4
         return Layout(
-            self.names, self.stations, self.beams, self.sizes, self.noise, self.bodies,
-            places, cell, weight,
+            self.names, self.stations, self.beams, self.sizes, self.noise, self.floor,
+            self.bodies, places, cell, weight,
         )  # fmt: skip
 
 
 def _nowhere() -> tuple[Array, Array, Array]:
     return np.zeros((0, 2)), np.zeros((0, 0, 2), np.int64), np.zeros((0, 0))
+
+
+def _floor(stations: Array, sizes: Sequence[Sequence[int]], params: Params) -> Array:
+    """Mean power (S, R) of cells where nothing is: the noise, and what no echo rises above.
+
+    Sidelobes of an echo fluctuate with it, so that they say nothing new, and beams to users
+    lift them: they are hidden in a floor ``dynamic_range`` below 1 m2 at their range.
+    """
+    found = np.ones((len(stations), max((s[0] for s in sizes), default=0)))
+    r = np.abs(stations[:, R0, None] + stations[:, DR, None] * np.arange(found.shape[1]))
+    weakest = 10 ** (-params.dynamic_range / 10)
+    return np.asarray(
+        np.maximum(found, stations[:, GAIN, None] / np.maximum(r, 1.0) ** 4 * weakest)
+    )
 
 
 def _station(name: str, model: Mapping[str, Any]) -> BaseStation:
@@ -191,20 +208,22 @@ class View:
                     f"{tuple(layout.sizes[q].tolist())}"
                 )
             sizes[q] = D.shape
-            power[q, : D.shape[0], : D.shape[1]] = D / layout.noise[q]
+            raised = layout.floor[q, : len(D), None] - 1
+            power[q, : D.shape[0], : D.shape[1]] = D / layout.noise[q] + raised
             sensor = setup.sensors[setup.streams[scan.stream].nodes[0]]
+            when = int(scan.scan.get(STAMP, scan.time_ns))
+            stations[q, LATE] = (when - scan.time_ns) / 1e9
             if len(sensor.time_ns) > 1:
-                when = int(scan.scan.get(STAMP, scan.time_ns))
                 stations[q] = placed(stations[q], *pose_at(sensor, when))
         cell = np.where((sizes[:, 0] > 0)[:, None], layout.cell, -1)
         seen = Layout(
-            layout.names, stations, layout.beams, sizes, layout.noise, layout.bodies,
-            layout.places, cell, layout.weight,
+            layout.names, stations, layout.beams, sizes, layout.noise, layout.floor,
+            layout.bodies, layout.places, cell, layout.weight,
         )  # fmt: skip
         return View(seen, power, np.zeros((len(layout.names), A)))
 
     def add(self, mean: Array, sign: float, kind: int, target: Array, windows: Array) -> None:
-        """Add ``sign`` times the mean power of a target (6,) of class ``kind``, in place."""
+        """Add ``sign`` times the mean power of a target (7,) of class ``kind``, in place."""
         layout, body = self.layout, self.layout.bodies[kind]
         for q, window in enumerate(windows):
             compiled.add(
@@ -220,14 +239,14 @@ class View:
         return np.stack((zero, rows, zero, columns), 1)
 
     def mean(self, kinds: Array, targets: Array) -> Array:
-        """Mean (S, R, A) of the maps with ``targets`` (n, 6) of classes ``kinds`` (n,)."""
-        found = np.ones_like(self.power)
+        """Mean (S, R, A) of the maps with ``targets`` (n, 7) of classes ``kinds`` (n,)."""
+        found = np.ones_like(self.power) * self.layout.floor[:, :, None]
         for kind, target in zip(kinds.tolist(), targets, strict=True):
             self.add(found, 1.0, kind, target, self.whole)
         return found
 
     def shown(self, kinds: Array, targets: Array) -> View:
-        """The view with the Doppler bins of the strongest of ``targets`` (n, 6) as its columns."""
+        """The view with the Doppler bins of the strongest of ``targets`` (n, 7) as its columns."""
         columns, peak = np.zeros_like(self.columns), np.zeros_like(self.columns)
         layout = self.layout
         for kind, target in zip(kinds.tolist(), targets, strict=True):
@@ -246,7 +265,7 @@ class View:
     def fit(
         self, rest: Array, kind: int, target: Array, windows: Array, shape: float, derive: bool
     ) -> tuple[float, Array, Array]:
-        """What a target (6,) adds to the log-likelihood of its windows, score and information."""
+        """What a target (7,) adds to the log-likelihood of its windows, score and information."""
         layout = self.layout
         found: tuple[float, Array, Array] = compiled.fit(
             self.power, rest, layout.stations, layout.beams, self.columns, layout.bodies[kind],

@@ -1,9 +1,9 @@
 """Targets one by one: their motion, and what the cells about each say of it.
 
-The state is x y vx vy heading and log brightness. A pedestrian's heading says nothing; a vehicle
-hardly slips across its own. The likelihood is that of the cells in a window, tempered by the
-``weight`` of a cell, as an echo's cells fluctuate together; its mode is found by scoring (Gauss
-and Newton with the expected information), which also gives the covariance.
+The state is x y vx vy heading, log brightness and log size. A pedestrian's heading and size say
+nothing; a vehicle hardly slips across its heading. The likelihood is that of the cells in a window,
+tempered by the ``weight`` of a cell, as an echo's cells fluctuate together; its mode is found by
+scoring (Gauss and Newton with the expected information), which also gives the covariance.
 """
 
 from __future__ import annotations
@@ -20,35 +20,40 @@ from .scene import View, windows
 PEDESTRIAN, VEHICLE = 0, 1
 REACH = 2.5, 5.0
 """Half the size [m] of the window about a target, by class."""
-SEEN = np.array([0, 1, 4, 5])
-"""What of the state the likelihood depends on: x, y, heading, brightness."""
+SEEN = np.array([0, 1, 4, 5, 6])
+"""What of the state the likelihood depends on: x, y, heading, brightness, size."""
+ORDER = np.array([0, 1, 4, 5, 6, 2, 3])
+"""The state as the kernels take it."""
 ROUNDS = 3
-STRIDE = np.array([0.5, 0.5, 2.0, 2.0, 0.3, 0.5])
+STRIDE = np.array([0.5, 0.5, 2.0, 2.0, 0.3, 0.5, 0.15])
 """Longest step of the scoring in each entry."""
-POSE = np.array([0, 1, 4])
-"""What of the state a mode may differ in: x, y, heading."""
-DOUBTED = np.array([0.07, 0.07, 0.06])
-"""Deviations [m, rad] that a prediction is never surer than when modes are compared."""
+POSE = np.array([0, 1, 4, 6])
+"""What of the state a mode may differ in: x, y, heading, size."""
+VARIED = np.array([0, 1, 2, 4])
+"""The same as the kernels take it."""
+DOUBTED = np.array([0.07, 0.07, 0.06, 0.03])
+"""Deviations [m, rad, 1] that a prediction is never surer than when modes are compared."""
 
 
 def _offsets(radii: tuple[float, ...], turns: tuple[float, ...], ring: float) -> Array:
-    """Offsets (n, 3) in place and heading: on circles, and turned, there and on a ring."""
+    """Offsets (n, 4) in place, heading and size: on circles, and turned, there and on a ring."""
     angle = np.arange(8) * np.pi / 4
-    round_ = np.stack((np.cos(angle), np.sin(angle), np.zeros(8)), 1)
+    round_ = np.stack((np.cos(angle), np.sin(angle), np.zeros(8), np.zeros(8)), 1)
     found = [r * round_ for r in radii]
     for turn in turns:
-        found += [np.array([[0.0, 0.0, turn]]), ring * round_ + (0, 0, turn)]
+        found += [np.array([[0.0, 0.0, turn, 0.0]]), ring * round_ + (0, 0, turn, 0)]
     return np.concatenate(found)
 
 
+SIZES = np.array([[0.0, 0.0, 0.0, s] for s in (-0.25, -0.12, 0.12, 0.25)])
 OFFSETS = (
     _offsets((0.15, 0.3, 0.45), (), 0.0),
-    _offsets((0.2, 0.4, 0.7), (-0.3, -0.12, 0.12, 0.3), 0.25),
+    np.concatenate((_offsets((0.2, 0.4, 0.7), (-0.3, -0.12, 0.12, 0.3), 0.25), SIZES)),
 )
 """How another mode of a target may differ, by class."""
 NEARBY = (
     _offsets((0.3,), (), 0.0),
-    np.concatenate((_offsets((0.3,), (), 0.0), [[0.0, 0.0, -0.12], [0.0, 0.0, 0.12]])),
+    np.concatenate((_offsets((0.3,), (), 0.0), [[0, 0, -0.12, 0], [0, 0, 0.12, 0]])),
 )
 """What is tried in most scans."""
 SEARCH = 5
@@ -64,11 +69,14 @@ DOUBT = 5
 """Scans after which a class that is sure is doubted again."""
 SURE = 10.0
 """Log-odds of existence and class never exceed this."""
+VIEW = 3.0
+"""Nor those of class this for each station that sees a target: one alone takes two pedestrians
+beside each other for a vehicle, again and again."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Targets:
-    """Targets: m (n, 6), P (n, 6, 6), classes ``kind`` (n,), log-odds and labels (n,).
+    """Targets: m (n, 7), P (n, 7, 7), classes ``kind`` (n,), log-odds and labels (n,).
 
     ``exists`` is the log-odds of existence, ``vehicle`` those of being a vehicle, ``age`` in scans.
     """
@@ -85,7 +93,7 @@ class Targets:
     def none() -> Targets:
         """No targets."""
         zero, whole = np.zeros(0), np.zeros(0, np.int64)
-        return Targets(np.zeros((0, 6)), np.zeros((0, 6, 6)), whole, zero, zero, whole, whole)
+        return Targets(np.zeros((0, 7)), np.zeros((0, 7, 7)), whole, zero, zero, whole, whole)
 
     def __len__(self) -> int:
         return len(self.m)
@@ -101,35 +109,44 @@ class Targets:
 
     @property
     def vectors(self) -> Array:
-        """x, y, heading, log brightness, vx, vy (n, 6), as the kernels take them."""
-        return self.m[:, [0, 1, 4, 5, 2, 3]]
+        """The states (n, 7) as the kernels take them."""
+        return self.m[:, ORDER]
+
+
+def motion(params: Params, dt: float) -> Array:
+    """How the state (7,) goes on for ``dt`` [s], but for the mean of its brightness."""
+    F = np.eye(7)
+    F[[0, 1], [2, 3]] = dt
+    F[5, 5] = np.exp(-dt / params.brightness_time)
+    F[6, 6] = np.exp(-dt / params.size_time)
+    return F
 
 
 def predict(targets: Targets, params: Params, dt: float) -> Targets:
     """The targets ``dt`` [s] later; brightness returns to its mean."""
-    keep = np.exp(-dt / params.brightness_time)
-    F = np.eye(6)
-    F[[0, 1], [2, 3]] = dt
-    F[5, 5] = keep
-    Q = np.zeros((6, 6))
+    F = motion(params, dt)
+    keep = F[5, 5]
+    Q = np.zeros((7, 7))
     Q[:4, :4] = params.acceleration_density * white_acceleration(dt)
     Q[4, 4] = params.turn_density * dt
     Q[5, 5] = (1 - keep**2) * params.std_brightness**2
+    Q[6, 6] = (1 - F[6, 6] ** 2) * params.std_size**2
     m = targets.m @ F.T
     m[:, 5] += (1 - keep) * DIM
     return replace(targets, m=m, P=F @ targets.P @ F.T + Q)
 
 
 def prior(params: Params, place: Array, heading: float) -> tuple[Array, Array]:
-    """Mean (6,) and covariance (6, 6) of a new target, which is refined from there."""
-    m = np.array([*place, 0.0, 0.0, heading, DIM])
-    std = np.array([1.0, 1.0, params.std_speed, params.std_speed, 0.5, params.std_brightness])
+    """Mean (7,) and covariance (7, 7) of a new target, which is refined from there."""
+    m = np.array([*place, 0.0, 0.0, heading, DIM, 0.0])
+    v = params.std_speed
+    std = np.array([1.0, 1.0, v, v, 0.5, params.std_brightness, params.std_size])
     return m, np.diag(std**2)
 
 
 def vector(m: Array) -> Array:
     """A state as the kernels take it."""
-    return np.ascontiguousarray(m[[0, 1, 4, 5, 2, 3]])
+    return np.ascontiguousarray(m[ORDER])
 
 
 def correct(
@@ -144,7 +161,7 @@ def correct(
 ) -> tuple[Array, Array, float]:
     """Mean, covariance, and what the target adds to the tempered log-likelihood.
 
-    ``m``, ``P`` are its prediction, ``start`` (6,) where the mode is looked for, ``rest`` the mean
+    ``m``, ``P`` are its prediction, ``start`` (7,) where the mode is looked for, ``rest`` the mean
     of the maps without it, ``at`` its windows.
     """
     prior_information = np.linalg.inv(P)
@@ -156,7 +173,7 @@ def correct(
         b[SEEN] += params.weight * g
         if kind == VEHICLE:
             c, s = np.cos(x[4]), np.sin(x[4])
-            slope = np.array([0.0, 0.0, -s, c, -(x[2] * c + x[3] * s), 0.0])
+            slope = np.array([0.0, 0.0, -s, c, -(x[2] * c + x[3] * s), 0.0, 0.0])
             L += np.outer(slope, slope) / params.slip**2
             b -= slope * (x[3] * c - x[2] * s) / params.slip**2
         step = np.linalg.solve(L, b)
@@ -168,9 +185,10 @@ def correct(
 
 
 def worth(view: View, rest: Array, kind: int, x: Array, at: Array, params: Params) -> float:
-    """What a target adds to the tempered log-likelihood, and to that of its brightness."""
+    """What a target adds to the tempered log-likelihood, brightness and size included."""
     gain, _, _ = view.fit(rest, kind, vector(x), at, params.shape, False)
-    return float(params.weight * gain - 0.5 * ((x[5] - DIM) / params.std_brightness) ** 2)
+    off = ((x[5] - DIM) / params.std_brightness) ** 2 + (x[6] / params.std_size) ** 2
+    return float(params.weight * gain - 0.5 * off)
 
 
 def jumped(
@@ -186,10 +204,10 @@ def jumped(
 ) -> tuple[Array, Array]:
     """Where to look for the mode, and the covariance of the prediction, less sure if it is far.
 
-    The nulls between a kernel's sidelobes make modes a range bin apart. Of places and headings
-    at the ``offsets`` (n, 3) the best is chosen by the tempered likelihood and a prior that is
-    never surer than ``doubt`` times :data:`DOUBTED`; the covariance grows so that what is chosen is
-    not improbable.
+    The nulls between a kernel's sidelobes make modes a range bin apart. Of places, headings
+    and sizes at the ``offsets`` (n, 4) the best is chosen by the tempered likelihood and a prior
+    that is never surer than ``doubt`` times :data:`DOUBTED`; the covariance grows so that what is
+    chosen is not improbable.
     """
     x = vector(m)
     S = P[np.ix_(POSE, POSE)] + np.diag((doubt * DOUBTED) ** 2)
@@ -197,7 +215,7 @@ def jumped(
     top, best = view.fit(rest, kind, x, at, params.shape, False)[0], None
     for d, cost in zip(offsets, far / params.weight, strict=True):
         y = x.copy()
-        y[:3] += d
+        y[VARIED] += d
         found = view.fit(rest, kind, y, at, params.shape, False)[0] - cost
         if found > top:
             top, best = found, d
@@ -233,7 +251,8 @@ def update(targets: Targets, view: View, mean: Array, params: Params) -> tuple[T
             y, T = turned(x, S, k, params)
             y, T, other = correct(view, mean, 1 - k, y, T, y, at, params)
             odds = np.clip((other - gain) * (1 if k == PEDESTRIAN else -1), -GAIN, GAIN)
-            vehicle[i] = np.clip(vehicle[i] + odds, -SURE, SURE)
+            sure = min(SURE, VIEW * np.count_nonzero(near[:, 1] > near[:, 0]))
+            vehicle[i] = np.clip(vehicle[i] + odds, -sure, sure)
             if (vehicle[i] > 0) != (k == VEHICLE):
                 k, x, S, gain = 1 - k, y, T, other
         kind[i] = k
@@ -250,9 +269,9 @@ def turned(m: Array, P: Array, kind: int, params: Params) -> tuple[Array, Array]
     m, P = m.copy(), P.copy()
     if kind == PEDESTRIAN and np.hypot(m[2], m[3]) > 0.3:
         m[4] = np.arctan2(m[3], m[2])
-    m[5] = DIM
+    m[5:] = DIM, 0.0
     P[:2, :2] += 0.5**2 * np.eye(2)
     P[4, 4] += 0.5**2
-    P[5] = P[:, 5] = 0.0
-    P[5, 5] = params.std_brightness**2
+    P[5:] = P[:, 5:] = 0.0
+    P[5, 5], P[6, 6] = params.std_brightness**2, params.std_size**2
     return m, P

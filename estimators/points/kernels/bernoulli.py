@@ -10,16 +10,16 @@ implementation", IEEE Trans. Aerosp. Electron. Syst. 54 (2018) 1883-1901.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ....models.errors import EstimatorError
 from ....models.records import Array
 from .compiled import bernoulli as compiled
-from .compiled import gaussians
-from .compiled.murty import k_best
+from .compiled import gaussians, groups
 from .gaussians import falling, moments
+from .groups import OVER, SHARE, marginal
 
 TINY = 1e-300
 
@@ -60,12 +60,14 @@ def newborn(r: Array, m: Array, P: Array) -> Bernoullis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mixture:
-    """A multi-Bernoulli mixture of T tracks in G global hypotheses.
+    """Independent multi-Bernoulli mixtures: T tracks in C groups of at most G hypotheses each.
 
-    A track has a label (T,) and the mean ``start`` (T, dx) of its first detection, NaN before. A
-    hypothesis has weight w (G,), falling once pruned, and ``table`` (G, T) has the index in
-    ``local`` that it picks of each track, -1 for none. ``parent`` (G,) is the hypothesis that it
-    was after the scans before, where nothing else is said itself.
+    A track has a label (T,), the mean ``start`` (T, dx) of its first detection, NaN before, and is
+    in a ``group`` (T,). The hypotheses of a group have weights w (G, C) that add up to 1, falling
+    once pruned, 0 beyond the last, and ``table`` (G, T) has the index in ``local`` that they pick
+    of each track, -1 for none. A global hypothesis picks one of each group: the first row is the
+    best. ``parent`` (G, n) says which hypothesis of the group ``came`` (n,) after the scans before
+    stands in those of ``heir`` (n,), a group that it, or a part of it, is in now.
     """
 
     local: Bernoullis
@@ -73,58 +75,127 @@ class Mixture:
     start: Array
     w: Array
     table: Array
-    parent: Array = field(default_factory=lambda: np.zeros(0, np.int64))
+    group: Array
+    parent: Array
+    came: Array
+    heir: Array
 
-    def __post_init__(self) -> None:
-        if len(self.parent) != len(self.w):
-            object.__setattr__(self, "parent", np.arange(len(self.w)))
+    @staticmethod
+    def whole(local: Bernoullis, label: Array, start: Array, w: Array, table: Array) -> Mixture:
+        """All tracks in one group whose hypotheses weigh w (G,)."""
+        G, one = len(w), np.zeros(1, np.int64)
+        parent = np.arange(G)[:, None]
+        group = np.zeros(len(label), np.int64)
+        return Mixture(local, label, start, w[:, None], table, group, parent, one, one)
 
     def existence(self) -> Array:
-        """Existence (G, T) of every track in every global hypothesis, 0 where absent."""
+        """Existence (G, T) of every track in every hypothesis, 0 where absent."""
         return np.append(self.local.r, 0.0)[self.table]
+
+    def weight(self) -> Array:
+        """Weights (G, T) of the hypotheses of the group of every track."""
+        return self.w[:, self.group]
+
+    def by_group(self, values: Array) -> Array:
+        """Sums (G, C) of ``values`` (G, T) over the tracks of each group."""
+        G, C = self.w.shape
+        at = (np.arange(G)[:, None] * C + self.group).ravel()
+        return np.bincount(at, values.ravel(), G * C).reshape(G, C)
+
+    def rows(self, row: Array, w: Array, group: Array, into: Array) -> Mixture:
+        """Hypotheses with weights w (G', C') made of one ``row`` (G', C) of each group, -1: none.
+
+        Tracks then are in ``group`` (T,), what a group was before is found ``into`` (C,) another.
+        """
+        return replace(
+            self,
+            w=w,
+            table=groups.taken(self.table, row, self.group, -1),
+            group=group,
+            parent=groups.taken(self.parent, row, self.heir, 0),
+            heir=into[self.heir],
+        )
+
+    def regrouped(self, group: Array, old: Array) -> Mixture:
+        """The tracks in other groups (T,), each with the hypotheses of the ``old`` (C',) one."""
+        link, part = np.nonzero(self.heir[:, None] == old)
+        return replace(
+            self,
+            w=self.w[:, old],
+            group=group,
+            parent=self.parent[:, link],
+            came=self.came[link],
+            heir=part,
+        )
+
+    def restarted(self) -> Mixture:
+        """The same as what comes after it sees it."""
+        G, C = self.w.shape
+        every = np.arange(C)
+        return replace(self, parent=np.tile(np.arange(G)[:, None], (1, C)), came=every, heir=every)
 
 
 def nothing(dx: int) -> Mixture:
-    """No track, one global hypothesis: certainly nothing there."""
+    """No track, one hypothesis: certainly nothing there."""
     none = newborn(np.zeros(0), np.zeros((0, dx)), np.zeros((0, dx, dx)))
     label, table = np.zeros(0, np.int64), np.zeros((1, 0), np.int64)
-    return Mixture(none, label, none.m, np.ones(1), table)
+    return Mixture.whole(none, label, none.m, np.ones(1), table)
 
 
-def add_tracks(mixture: Mixture, new: Bernoullis, label: Array, free: Array) -> Mixture:
-    """The mixture with one more track (n,) for each of ``new`` where ``free`` (G, n) says so."""
+def add_tracks(
+    mixture: Mixture, new: Bernoullis, label: Array, free: Array, group: Array
+) -> Mixture:
+    """The mixture with one more track (n,) for each of ``new`` where ``free`` (G, n) says so.
+
+    Each is in a ``group`` (n,), or for -1 in one of its own.
+    """
+    own = group < 0
     column = np.where(free, len(mixture.local) + np.arange(len(new)), -1)
-    return Mixture(
-        mixture.local.join(new),
-        np.concatenate((mixture.label, label)),
-        np.concatenate((mixture.start, new.m)),
-        mixture.w,
-        np.hstack((mixture.table, column)),
-        mixture.parent,
+    column[1:, own] = -1
+    G, C = mixture.w.shape
+    alone = np.zeros((G, own.sum()))
+    alone[0] = 1.0
+    return replace(
+        mixture,
+        local=mixture.local.join(new),
+        label=np.concatenate((mixture.label, label)),
+        start=np.concatenate((mixture.start, new.m)),
+        w=np.hstack((mixture.w, alone)),
+        table=np.hstack((mixture.table, column)),
+        group=np.concatenate((mixture.group, np.where(own, C - 1 + np.cumsum(own), group))),
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Association:
-    """The best global hypotheses after a scan, before the densities are updated.
+    """The best hypotheses after a scan, before the densities are updated.
 
-    Weight w (G,) and hypothesis ``parent`` (G,) before; the distinct pairs of a Bernoulli
-    ``prior`` (n,) and the ``detection`` (n,) that it takes, -1 for a miss, that occur in them; the
-    table (G, T) of pairs; and ``free`` (G, M), which detections no track takes.
+    The ``mixture`` has the distinct pairs of a Bernoulli ``prior`` (n,) and the ``detection`` (n,)
+    that it takes, -1 for a miss, in its table; its ``local`` are those before. Each of M detections
+    may be of tracks of the group ``of`` (M,), -1 for none, whose hypotheses leave it ``free``
+    (G, M) or not. Of ``over`` groups only the marginals could be told: they made the detections
+    with the probability ``taken`` (M,).
     """
 
-    w: Array
-    parent: Array
+    mixture: Mixture
     prior: Array
     detection: Array
-    table: Array
+    of: Array
     free: Array
+    taken: Array
+    over: int
+
+    def novelty(self) -> Array:
+        """How probably (M,) no track takes a detection."""
+        w = np.column_stack((self.mixture.w, np.arange(len(self.free)) == 0))
+        return np.asarray((1 - self.taken) * (w[:, self.of] * self.free).sum(0))
 
 
 def associate(
-    mixture: Mixture, log_hit: Array, p_detect: Array, log_free: Array, k: int, gap: float
-) -> Association:
-    """The ``k`` best joint associations of tracks to detections, over all global hypotheses.
+    mixture: Mixture, log_hit: Array, p_detect: Array, log_free: Array, k: int, gap: float,
+    parted: bool = False,
+) -> Association:  # fmt: skip
+    """The ``k`` best joint associations of tracks to detections, over all hypotheses of a group.
 
     Their weights are (4) of ``docs/systems/filters.md``, and pairs cost (5).
 
@@ -135,50 +206,116 @@ def associate(
     p_detect : (L,) that it is detected at all
     log_free : (M,) log density of detections that none of the tracks made: clutter, new objects
     k, gap : how many hypotheses are kept, and how far in log weight below the best one
+    parted : tracks are in groups, which become one where they may have made the same detection
 
     Raises
     ------
     EstimatorError : a weight is not finite
     """
-    r, table = mixture.local.r, mixture.table
-    M = log_hit.shape[1]
+    r, M = mixture.local.r, log_hit.shape[1]
     miss = np.log(np.maximum(1 - r * p_detect, TINY))
     there = np.log(np.maximum(r, TINY))
     gain = (there - miss)[:, None] + log_hit - log_free
     # Who gains less by a pair is farther than ``gap`` behind the same hypothesis without it.
     near = gain > -gap
-    seen = np.flatnonzero(near.any(axis=0))
-    active = np.flatnonzero(np.append(near.any(axis=1), False)[table].any(axis=0))
-    n, T = len(seen), len(active)
-    gain = np.where(near, gain, -np.inf)[:, seen]
     # The row that index -1 picks: absent tracks take no detection and weigh nothing.
-    gain, miss = np.vstack((gain, np.full(n, -np.inf))), np.append(miss, 0.0)
-    costs = np.full((len(table), T, n + T), np.inf)
-    costs[:, :, :n] = -gain[table[:, active]]
-    costs[:, np.arange(T), n + np.arange(T)] = 0.0
-    before = np.log(mixture.w) + miss[table].sum(axis=1)
-    if T:
-        costs[:, 0] -= before[:, None]
-        parent, column, cost = k_best(costs, k, gap)
+    gain = np.vstack((np.where(near, gain, -np.inf), np.full(M, -np.inf)))
+    miss, of = np.append(miss, 0.0), np.zeros(M, np.int64)
+    if parted:
+        x, (cost, row, detection), of, taken, over = _by_group(mixture, gain, miss, near, k, gap)
     else:
-        parent = np.argsort(-before, kind="stable")
-        column, cost = np.zeros((len(parent), 0), np.int64), -before[parent]
-    if not len(cost):
+        x, taken, over = mixture, np.zeros(M), 0
+        cost, row, detection = groups.best(x.w, x.table, x.group, gain, miss, of, k, gap)
+    if np.isinf(cost[0]).any():
         raise EstimatorError("no association of tracks and detections is possible")
     w = np.exp(cost[0] - cost)
-    detection = np.full((len(w), table.shape[1]), -1)
-    detection[:, active] = np.append(seen, np.full(T, -1))[column]
-    free = np.ones((len(w), M + 1), bool)
-    free[np.arange(len(w))[:, None], detection] = False
-    prior = table[parent]
-    pairs, index = np.unique(
-        np.where(prior < 0, -1, prior * (M + 1) + detection + 1), return_inverse=True
-    )
-    absent = int(len(pairs) > 0 and pairs[0] < 0)
-    pairs, index = pairs[absent:], index.reshape(prior.shape) - absent
-    return Association(
-        w / w.sum(), parent, pairs // (M + 1), pairs % (M + 1) - 1, index, free[:, :M]
-    )  # fmt: skip
+    x = x.rows(row, w / w.sum(0), x.group, np.arange(w.shape[1]))
+    g, t = np.nonzero(detection >= 0)
+    free = np.column_stack((row >= 0, np.arange(len(row)) == 0))[:, of]
+    free[g, detection[g, t]] = False
+    key = np.where(x.table < 0, -1, x.table * (M + 1) + detection + 1)
+    pairs, table = _numbered(key, len(r) * (M + 1))
+    prior, detection = np.divmod(pairs, M + 1)
+    x = replace(x, table=table)
+    return Association(x, prior, detection - 1, of, free, taken, over)
+
+
+def _by_group(
+    mixture: Mixture, gain: Array, miss: Array, near: Array, k: int, gap: float
+) -> tuple[Mixture, tuple[Array, Array, Array], Array, Array, int]:
+    """The mixture in groups that share no detection, and what :func:`.groups.best` says of it.
+
+    Where too many hypotheses are as good as the ``k`` best, each track is in a group of its own,
+    with its marginals. Also the group ``of`` (M,) each detection, how probably (M,) such tracks
+    made it, and of how many groups they are.
+    """
+    l, i = np.nonzero(near)
+    part, seen = groups.together(_owner(mixture)[l], i, mixture.w.shape[1], near.shape[1])
+    over = np.zeros(part.max(initial=-1) + 1, bool)
+    while True:
+        number = np.append(np.where(over, -1, np.cumsum(~over) - 1), -1)
+        x, into = _apart(mixture, number[part])
+        row, w, share = groups.join(x.w, into, k, gap)
+        kept, of = np.flatnonzero(~over), number[seen]
+        more = share[: len(kept)] < SHARE
+        if not more.any():
+            x = x.rows(row, w, into[x.group], into)
+            found = groups.best(x.w, x.table, x.group, gain, miss, of, k, gap)
+            if len(found[0]) >= k:
+                more = found[0][k - 1, : len(kept)] < found[0][0, : len(kept)] - np.log(OVER)
+        if not more.any():
+            break
+        over[kept[more]] = True
+    taken = np.zeros(len(of))
+    if not over.any():
+        return x, found, of, taken, 0
+    room = ((0, max(k - len(found[0]), 0)), (0, 0))
+    cost = np.pad(found[0], room, constant_values=np.inf)
+    row, detection = (np.pad(a, room, constant_values=-1) for a in found[1:])
+    w = mixture.weight()
+    for c in np.flatnonzero(over):
+        tracks, those = np.flatnonzero(part[mixture.group] == c), np.flatnonzero(seen == c)
+        each, taken[those] = marginal(
+            w[:, tracks], mixture.table[:, tracks], gain, miss, those, k, gap
+        )
+        for t, (price, before, z) in zip(tracks, each, strict=True):
+            n, g = len(price), x.group[t]
+            cost[:, g], row[:, g], detection[:, t] = np.inf, -1, -1
+            cost[:n, g], row[:n, g], detection[:n, t] = price, before, z
+    return x, (cost, row, detection), of, taken, int(over.sum())
+
+
+def _apart(mixture: Mixture, into: Array) -> tuple[Mixture, Array]:
+    """The mixture with the tracks of the groups that go ``into`` (C,) none, -1, each by itself.
+
+    Then where its groups go: these to places of their own, after the others.
+    """
+    alone = np.flatnonzero(into[mixture.group] < 0)
+    if not (into < 0).any():
+        return mixture, into
+    stay = np.flatnonzero(into >= 0)
+    group = (np.cumsum(into >= 0) - 1)[mixture.group]
+    group[alone] = len(stay) + np.arange(len(alone))
+    free = into.max(initial=-1) + 1 + np.arange(len(alone))
+    old = np.concatenate((stay, mixture.group[alone]))
+    return mixture.regrouped(group, old), np.concatenate((into[stay], free))
+
+
+def _owner(mixture: Mixture) -> Array:
+    """The group (L,) of each Bernoulli."""
+    of = np.zeros(len(mixture.local) + 1, np.int64)
+    of[mixture.table] = mixture.group
+    return of[:-1]
+
+
+def _numbered(key: Array, n: int) -> tuple[Array, Array]:
+    """The distinct of the entries of ``key`` below n, in order, and which each is; -1 stays."""
+    used = np.zeros(n + 1, bool)
+    used[key] = True
+    used[-1] = False
+    number = np.cumsum(used) - 1
+    number[-1] = -1
+    return np.flatnonzero(used), number[key]
 
 
 def missed(local: Bernoullis, p_detect: Array) -> Bernoullis:
@@ -195,48 +332,43 @@ def missed(local: Bernoullis, p_detect: Array) -> Bernoullis:
     )
 
 
-def prune(mixture: Mixture, min_existence: float, max_tracks: int) -> tuple[Mixture, float]:
+def prune(
+    mixture: Mixture, min_existence: float, max_tracks: int, dependence: float | None = None
+) -> tuple[Mixture, float]:
     """Drop unlikely Bernoullis, cap the tracks, unite equal hypotheses, drop what is unused.
 
-    Also returns how many targets are to be expected in the tracks beyond the cap.
+    Tracks whose ``dependence`` is less part, see :func:`.groups.split`; none do for None. Also
+    returns how many targets are to be expected in the tracks beyond the cap.
     """
     keep = np.append(mixture.local.r >= min_existence, False)
     table = np.where(keep[mixture.table], mixture.table, -1)
-    expected = mixture.w @ np.append(mixture.local.r, 0.0)[table]
+    expected = (mixture.weight() * np.append(mixture.local.r, 0.0)[table]).sum(0)
     tracks = np.flatnonzero(expected > 0)
     lost = 0.0
     if len(tracks) > max_tracks:
         best = falling(expected[tracks], mixture.start[tracks])[:max_tracks]
         tracks, all_ = np.sort(tracks[best]), expected[tracks].sum()
         lost = float(all_ - expected[tracks].sum())
-    first, same = _distinct(table[:, tracks])
-    table, w = table[first][:, tracks], np.bincount(same, mixture.w, len(first))
-    order = np.argsort(-w, kind="stable")
-    # Of hypotheses that have become one the weightiest tells where it came from.
-    rising = np.argsort(mixture.w, kind="stable")
-    heaviest = np.zeros(len(table), np.int64)
-    heaviest[same[rising]] = rising
-    used, index = np.unique(table[order], return_inverse=True)
-    absent = int(len(used) > 0 and used[0] < 0)
-    pruned = Mixture(
-        mixture.local.take(used[absent:]),
-        mixture.label[tracks],
-        mixture.start[tracks],
-        w[order],
-        index.reshape(len(table), len(tracks)) - absent,
-        mixture.parent[heaviest[order]],
+    x = replace(
+        mixture,
+        label=mixture.label[tracks],
+        start=mixture.start[tracks],
+        table=np.ascontiguousarray(table[:, tracks]),
+        group=mixture.group[tracks],
     )
-    return pruned, lost
+    if dependence is not None:
+        x = _parted(x, dependence)
+    row, w = groups.distinct(x.w, x.table, x.group)
+    x = x.rows(row, w, x.group, np.arange(w.shape[1]))
+    used, index = _numbered(x.table, len(mixture.local))
+    return replace(x, local=mixture.local.take(used), table=index), lost
 
 
-def _distinct(table: Array) -> tuple[Array, Array]:
-    """The first of each of the distinct rows of ``table`` (G, T), in order, and which each is."""
-    if not table.shape[1]:
-        return np.zeros(min(len(table), 1), np.int64), np.zeros(len(table), np.int64)
-    # As bytes of whole numbers whose highest come first, rows compare at once.
-    text = np.ascontiguousarray(table + 1, ">u8").view(np.dtype((np.void, 8 * table.shape[1])))
-    _, first, same = np.unique(text.ravel(), return_index=True, return_inverse=True)
-    return first, same.ravel()
+def _parted(x: Mixture, dependence: float) -> Mixture:
+    """The mixture in groups that depend on each other no more; those without tracks are gone."""
+    group = groups.split(x.w, x.table, x.group, x.local.r, dependence)
+    _, first = np.unique(group, return_index=True)
+    return x.regrouped(group, x.group[first])
 
 
 def merge(mixture: Mixture, distance: float, existence: float) -> Mixture:
@@ -249,7 +381,7 @@ def merge(mixture: Mixture, distance: float, existence: float) -> Mixture:
     """
     a, picked = mixture.local, mixture.table >= 0
     index = mixture.table[picked]
-    weight, track = np.broadcast_arrays(mixture.w[:, None], np.arange(mixture.table.shape[1]))
+    weight, track = np.broadcast_arrays(mixture.weight(), np.arange(mixture.table.shape[1]))
     omega = np.bincount(index, weight[picked], len(a))
     of = np.zeros(len(a), np.int64)
     of[index] = track[picked]
@@ -290,6 +422,8 @@ def group(
 def unite(mixture: Mixture, distance: float) -> Mixture:
     """Make one of those tracks of the best hypothesis whose means are at most ``distance`` apart.
 
+    All are in one group.
+
     The likeliest takes in the others, with their mean and covariance by existence, and the sum of
     their existences, at most 1.
     """
@@ -305,7 +439,7 @@ def unite(mixture: Mixture, distance: float) -> Mixture:
 
 
 def cardinality(mixture: Mixture) -> Array:
-    """Distribution (G, T + 1) of the number of objects in every global hypothesis."""
+    """Distribution (G, T + 1) of the number of objects in every hypothesis of one group."""
     r = mixture.existence()
     rho = np.zeros((r.shape[0], r.shape[1] + 1))
     rho[:, 0] = 1.0

@@ -1,4 +1,4 @@
-"""Where targets are expected to appear: Gaussian components (w, m, P) of the state x y vx vy."""
+"""Where targets are expected to appear: Gaussian components (w, m, P) of the state x y vx vy ..."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ Components = tuple[Array, Array, Array]
 """Weights (B,), means (B, 4) and covariances (B, 4, 4)."""
 
 
-def none() -> Components:
-    """No births."""
-    return np.zeros(0), np.zeros((0, 4)), np.zeros((0, 4, 4))
+def none(width: int = 4) -> Components:
+    """No births, of a state of so many entries."""
+    return np.zeros(0), np.zeros((0, width)), np.zeros((0, width, width))
 
 
 def join(a: Components, b: Components) -> Components:
@@ -60,10 +60,8 @@ def shares(rate: float, novelty: Array) -> Array:
     return np.asarray(np.minimum(novelty, rate * novelty / total) if total > 0 else 0.0 * novelty)
 
 
-def at_detections(
-    rate: float, where: Array, R: Array, novelty: Array, std_velocity: Array, limit: int
-) -> Components:
-    """``rate`` targets at positions ``where`` (n, 2) with covariances R, shared by ``novelty``.
+def at_detections(rate: float, m: Array, P: Array, novelty: Array, limit: int) -> Components:
+    """``rate`` targets with moments m (n, 4), P by the detections, shared by ``novelty``.
 
     ``novelty`` (n,) is the probability that no known target made the detection; the ``limit``
     most novel ones are used, which share the rate of all, and none gets more than its novelty: what
@@ -72,11 +70,6 @@ def at_detections(
     """
     best = np.arange(len(novelty))
     if len(novelty) > limit:
-        best = np.sort(falling(novelty, where)[:limit])
+        best = np.sort(falling(novelty, m[:, :2])[:limit])
     best = best[novelty[best] > 0]
-    w = shares(rate, novelty)[best]
-    m = np.hstack((where[best], np.zeros((len(best), 2))))
-    P = np.zeros((len(best), 4, 4))
-    P[:, :2, :2] = R[best]
-    P[:, 2:, 2:] = np.diag(np.square(std_velocity))
-    return w, m, P
+    return shares(rate, novelty)[best], m[best], P[best]

@@ -7,31 +7,27 @@ AIAA Journal 3 (1965) 1445-1450.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from ....models.motion import backwards
 from ....models.records import Array
-from .bernoulli import Bernoullis
+from .bernoulli import Mixture
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Epoch:
-    """The Bernoullis after the scans at ``time_ns``, how they came there: F, noise Q (dx, dx).
+    """The mixture after the scans at ``time_ns``, how it came there: F, noise Q (dx, dx).
 
-    ``label`` (T,) are the tracks then, and ``picked`` (T,) which Bernoulli each has in the best
-    hypothesis, -1 for none; ``table`` (G, T) which it has in all hypotheses, and ``parent`` (G,)
-    which hypothesis each was at the time before.
+    Targets of the time before ``survive`` until then with that probability.
     """
 
     time_ns: int
-    local: Bernoullis
+    mixture: Mixture
     F: Array
     Q: Array
-    label: Array = field(default_factory=lambda: np.zeros(0, np.int64))
-    picked: Array = field(default_factory=lambda: np.zeros(0, np.int64))
-    table: Array = field(default_factory=lambda: np.zeros((0, 0), np.int64))
-    parent: Array = field(default_factory=lambda: np.zeros(0, np.int64))
+    survive: float
 
 
 def ended(epochs: Sequence[Epoch], alive: Array) -> dict[int, list[tuple[int, int]]]:
@@ -42,7 +38,8 @@ def ended(epochs: Sequence[Epoch], alive: Array) -> dict[int, list[tuple[int, in
     found: dict[int, list[tuple[int, int]]] = {}
     known = set(alive.tolist())
     for k in range(len(epochs) - 1, -1, -1):
-        for label, l in zip(epochs[k].label.tolist(), epochs[k].picked.tolist(), strict=True):
+        x = epochs[k].mixture
+        for label, l in zip(x.label.tolist(), x.table[0].tolist(), strict=True):
             if label not in known:
                 known.add(label)
                 if l >= 0:
@@ -61,15 +58,15 @@ def smooth(epochs: Sequence[Epoch], index: Array) -> tuple[Array, Array, Array, 
     r (n,) : the greatest existence since
     m (n, dx), P (n, dx, dx) : the smoothed density
     """
-    last = epochs[-1].local.take(index)
+    last = epochs[-1].mixture.local.take(index)
     r, m, P = last.r, last.m, last.P
     begin = np.full(len(index), epochs[-1].time_ns)
     for now, after in zip(epochs[-2::-1], epochs[:0:-1], strict=True):
-        index = np.append(after.local.origin, -1)[index]
-        F, back = after.F, np.linalg.inv(after.F)
+        index = np.append(after.mixture.local.origin, -1)[index]
+        F, back = after.F, backwards(after.F)
         m_all, P_all = m @ back.T, back @ (P + after.Q) @ back.T
         here = np.flatnonzero(index >= 0)
-        a = now.local.take(index[here])
+        a = now.mixture.local.take(index[here])
         predicted = F @ a.P @ F.T + after.Q
         gain = np.linalg.solve(predicted, F @ a.P).swapaxes(1, 2)
         m_all[here] = a.m + (gain @ (m[here] - a.m @ F.T)[..., None])[..., 0]
@@ -78,6 +75,17 @@ def smooth(epochs: Sequence[Epoch], index: Array) -> tuple[Array, Array, Array, 
         r[here] = np.maximum(r[here], a.r)
         begin[here] = now.time_ns
     return (epochs[0].time_ns - begin) / 1e9, r, m, P
+
+
+def existed(r: Array, later: Array, survive: float) -> Array:
+    """Existence (k,) at a time, r by what came until then, given that of a step ``later``.
+
+    A target that is there later was there; one that is not may have died in between, which it does
+    not with ``survive``. It is the smoother of the Markov chain of existence.
+    """
+    gone = 1 - r * survive
+    died = np.divide(r * (1 - survive), gone, out=np.zeros(len(r)), where=gone > 0)
+    return np.asarray(later + (1 - later) * died)
 
 
 def rts(

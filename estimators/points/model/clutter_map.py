@@ -97,7 +97,7 @@ def persistent(maps: Maps, stream: str, seen: Look, params: SensorParams) -> Arr
     if stream not in maps:
         return np.zeros(len(seen.z))
     density = maps[stream].density(positions(seen)[0], params.clutter_cell)
-    return density * seen.z[:, 0] if seen.polar else density
+    return seen.with_doppler(density * seen.z[:, 0] if seen.polar else density)
 
 
 def learnt(maps: Maps, scan: Scan, seen: Look, params: SensorParams) -> Maps:

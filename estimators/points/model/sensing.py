@@ -14,13 +14,18 @@ from typing import Any
 import numpy as np
 
 from ....models.errors import InputError
-from ....models.geometry.poses import pose_at
+from ....models.geometry.poses import pose_at, velocity_at
 from ....models.geometry.regions import area, box, polygon
 from ....models.parameters import REQUIRED, parameter, require
 from ....models.radar.detection import View, polar
 from ....models.records import Array, Recording, Scan, Sensor
 from ..kernels.compiled import gaussians
+from ..kernels.compiled.pairs import log_likelihood as of_pairs
+from ..kernels.gaussians import innovation
 from ..source import MADE, Sight
+from . import doppler
+from .clustering import ClusterParams, clustered
+from .doppler import DopplerParams, Rates
 
 STREAMS = ("position", "range_bearing")
 Motion = Callable[[float], tuple[Array, Array]]
@@ -32,7 +37,7 @@ UNKNOWN = "where the clutter lies is not known: give clutter_region or max_range
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class SensorParams:
+class SensorParams(ClusterParams, DopplerParams):
     """What is assumed about the sensors; recordings state it about theirs.
 
     What lies may be taken for clutter that persists.
@@ -60,6 +65,17 @@ class SensorParams:
     )
     std_azimuth: float = parameter(
         0.0, "rad", "noise of an azimuth, where the rows state none", within="[0, 1.5708]"
+    )
+    latency: float = parameter(
+        0.0,
+        "s",
+        "how long before their stamps scans were true: there estimates are, and the sensor's pose",
+        within="[0, inf)",
+    )
+    registration: tuple[float, float] = parameter(
+        (0.0, 0.0),
+        "m, rad or m",
+        "how much too large range and azimuth are, or x and y in the sensor's frame",
     )
     max_range: float = parameter(
         0.0, "m", "end of the view where scans state none; 0: nowhere", within="[0, inf)"
@@ -104,7 +120,9 @@ class Look:
     one clutter point, in the same measure, NaN where it is not known: uniform in the ``region``, or
     where that is empty in range and azimuth over the view. ``period`` (2,) tells angles;
     ``position`` (2,) and ``rotation`` (2, 2) are the sensor's pose, ``p_detect`` holds in ``view``.
-    Where the rows have times of their own, ``parts`` are they one by one.
+    Where the rows have times of their own, ``parts`` are they one by one. ``rates`` are the Doppler
+    of the detections, None where it is not used; densities have the measure of the place alone, but
+    for ``clutter``.
     """
 
     polar: bool
@@ -119,6 +137,21 @@ class Look:
     spatial: Array
     region: tuple[float, ...] = ()
     parts: tuple[Part, ...] = ()
+    rates: Rates | None = None
+
+    def with_doppler(self, density: Array) -> Array:
+        """Densities (n,) of clutter with a place as those of clutter with Doppler as well."""
+        if self.rates is None or not self.rates.updates:
+            return density
+        return density * self.rates.clutter
+
+    def take(self, index: Array) -> Look:
+        """The detections ``index``."""
+        R = self.R if len(self.R) == 1 else self.R[index]
+        some = {name: getattr(self, name)[index] for name in ("z", "clutter", "spatial")}
+        parts = tuple(self.parts[i] for i in index) if self.parts else ()
+        rates = None if self.rates is None else self.rates.take(index)
+        return replace(self, **some, R=R, parts=parts, rates=rates)
 
 
 def look(params: SensorParams, scan: Scan, polar_rows: bool, sensor: Sensor) -> Look:
@@ -131,7 +164,7 @@ def look(params: SensorParams, scan: Scan, polar_rows: bool, sensor: Sensor) -> 
     position, turn = pose_at(sensor, scan.time_ns)
     p, rotation = position[:2], level(turn)
     view = View.of(scan.scan, params.max_range or inf)
-    rows, down = scan.rows, params.target_height - position[2]
+    rows, down = _registered(params, scan.rows, polar_rows), params.target_height - position[2]
     if polar_rows:
         z, slope = ground(rows, turn, down)
         R = _polar_noise(params, rows)
@@ -149,7 +182,25 @@ def look(params: SensorParams, scan: Scan, polar_rows: bool, sensor: Sensor) -> 
     if np.isnan(clutter).any():
         raise InputError(UNKNOWN)
     region, p_detect = params.clutter_region, params.p_detect
-    return Look(polar_rows, z, R, clutter, period, p, rotation, view, p_detect, spatial, region)
+    moving = velocity_at(sensor, scan.time_ns) if "doppler" in rows else np.zeros(3)
+    rates = doppler.rates(params, rows, p, moving, above(rows, turn, down, polar_rows))
+    found = Look(
+        polar_rows, z, R, clutter, period, p, rotation, view, p_detect, spatial, region, rates=rates
+    )
+    return replace(found, clutter=found.with_doppler(clutter))
+
+
+def _registered(
+    params: SensorParams, rows: Mapping[str, Array], polar_rows: bool
+) -> Mapping[str, Array]:
+    """The rows without the offsets of their sensor."""
+    if not any(params.registration):
+        return rows
+    names = ("range", "azimuth") if polar_rows else ("x", "y")
+    moved = {k: rows[k] - shift for k, shift in zip(names, params.registration, strict=True)}
+    if polar_rows:
+        moved["range"] = np.maximum(moved["range"], 0.0)
+    return {**rows, **moved}
 
 
 def level(turn: Array) -> Array:
@@ -194,6 +245,18 @@ def ground(rows: Mapping[str, Array], turn: Array, down: float) -> tuple[Array, 
     z = np.stack((distance, np.arctan2(along[:, 1], along[:, 0])), 1)
     measured = "elevation" in rows
     return z, distance / np.maximum(r, 1e-9) if measured else np.minimum(r / distance, STEEP)
+
+
+def above(rows: Mapping[str, Array], turn: Array, down: float, polar_rows: bool) -> Array:
+    """Heights (n,) [m] over the sensor, by their elevation or z, else those of targets."""
+    if polar_rows and "elevation" in rows:
+        r, azimuth, elevation = rows["range"], rows["azimuth"], rows["elevation"]
+        c = r * np.cos(elevation)
+        x = np.stack((c * np.cos(azimuth), c * np.sin(azimuth), r * np.sin(elevation)), 1)
+        return np.asarray(x @ turn[2])
+    if not polar_rows and "z" in rows:
+        return np.asarray(np.stack((rows["x"], rows["y"], rows["z"]), 1) @ turn[2])
+    return np.full(len(rows["range" if polar_rows else "x"]), down)
 
 
 def _in_plane(rows: Mapping[str, Array], turn: Array, down: float) -> tuple[Array, Array]:
@@ -251,7 +314,11 @@ def looks(
         stream = setup.streams[scan.stream]
         if stream.kind in STREAMS:
             polar_rows, sensor = stream.kind == "range_bearing", setup.sensors[stream.nodes[0]]
-            yield scan, timed(params[scan.stream], scan, polar_rows, sensor, motion)
+            own = params[scan.stream]
+            if own.cluster == "dbscan":
+                noise = (_polar_noise if polar_rows else _position_noise)(own, scan.rows)
+                scan = clustered(own, scan, polar_rows, noise)
+            yield scan, timed(own, scan, polar_rows, sensor, motion)
 
 
 def timed(
@@ -327,48 +394,110 @@ def expected(look: Look, m: Array, P: Array, unscented: bool) -> tuple[Array, Ar
 
 
 def innovations(look: Look, m: Array, P: Array, unscented: bool) -> tuple[Array, Array, Array]:
-    """:func:`expected` (J, k, ...) of each detection, k = n where they have times of their own.
+    """:func:`expected` (J, k, ...) of each detection, k = n where they differ from it.
 
-    Else k is 1. S has the noise R of the detections, and so n entries where that differs.
+    They do where they have times of their own or Doppler, which is a third entry. Else k is 1. S
+    has the noise R of the detections, and so n entries where that differs.
     """
     if not look.parts:
-        z_hat, C, S = expected(look, m, P, unscented)
-        return z_hat[:, None], C[:, None], S[:, None] + look.R
+        return _beside(look, m, P, *expected(look, m, P, unscented))
     found = []
     for part in look.parts:
         m_then = m @ part.F.T
         moved = part.F @ P
         P_then = moved @ part.F.T + part.Q
-        z_hat, C, S = expected(part.look, m_then, P_then, unscented)
+        z_hat, C, S = innovations(part.look, m_then, P_then, unscented)
         # With H as the regression on the state then: the covariance of the state now.
-        H = np.linalg.solve(P_then, C)
-        found.append((z_hat, moved.swapaxes(1, 2) @ H, S + part.look.R[0]))
+        H = np.linalg.solve(P_then, C[:, 0])
+        found.append((z_hat[:, 0], moved.swapaxes(1, 2) @ H, S[:, 0]))
     z_hat, C, S = (np.stack(columns, 1) for columns in zip(*found, strict=True))
+    return z_hat, C, S
+
+
+def _beside(
+    look: Look, m: Array, P: Array, z_hat: Array, C: Array, S: Array
+) -> tuple[Array, Array, Array]:
+    """What is :func:`expected`, with Doppler, if there is any, in all pairs (J, n, ...)."""
+    S = S[:, None] + look.R
+    if look.rates is None:
+        return z_hat[:, None], C[:, None], S
+    J, n = len(m), len(look.z)
+    j, i = np.repeat(np.arange(J), n), np.tile(np.arange(n), J)
+    v = innovation(look.z[i], z_hat[j], look.period)
+    of = S[j, i] if S.shape[1] > 1 else S[j, 0]
+    found = doppler.beside(look.rates, i, v, m[j], P[j], z_hat[j], C[j], of)
+    z_hat, C, S = (a.reshape(J, n, *a.shape[1:]) for a in found)
     return z_hat, C, S
 
 
 def log_likelihood(look: Look, z_hat: Array, S: Array, gate: float) -> Array:
     """Log densities (J, n) of the detections, -inf outside the gate."""
-    if z_hat.shape[1] == 1:
+    J, n = len(z_hat), len(look.z)
+    if z_hat.shape[1] == 1 and look.rates is None:
         return gaussians.log_likelihood(look.z, z_hat[:, 0], S, look.period, gate)
-    each = [
-        gaussians.log_likelihood(look.z[i : i + 1], z_hat[:, i], S[:, i : i + 1], look.period, gate)
-        for i in range(len(look.z))
-    ]
-    return np.concatenate(each, axis=1)
+    d = z_hat.shape[2]
+    at = np.broadcast_to(z_hat, (J, n, d)).reshape(J * n, d)
+    S = np.broadcast_to(S, (J, n, d, d)).reshape(J * n, d, d)
+    return pair_likelihood(look, at, S, np.tile(np.arange(n), J), gate).reshape(J, n)
+
+
+def pair_likelihood(look: Look, z_hat: Array, S: Array, i: Array, gate: float) -> Array:
+    """Log densities (k,) of the detections ``i`` (k,), -inf outside the gate, of place or Doppler.
+
+    They are expected at z_hat (k, 2 or 3) with covariance S, noise included.
+    """
+    place, spread = (np.ascontiguousarray(a) for a in (z_hat[:, :2], S[:, :2, :2]))
+    none = np.zeros((1, 2, 2))
+    log_l = of_pairs(look.z, place, spread, none, look.period, np.arange(len(i)), i, gate)
+    if look.rates is None:
+        return log_l
+    near = np.flatnonzero(log_l > -np.inf)
+    v = innovation(look.z[i[near]], place[near], look.period)
+    log_l[near] += doppler.log_density(look.rates, i[near], v, z_hat[near], S[near], gate)
+    return log_l
 
 
 def updated(
     look: Look, m: Array, P: Array, z_hat: Array, C: Array, S: Array, j: Array, i: Array
 ) -> tuple[Array, Array]:
     """Means (k, dx) and covariances of the Gaussians ``j`` (k,) given detections ``i`` (k,)."""
-    at, of = (i if a.shape[1] > 1 else np.zeros_like(i) for a in (z_hat, S))
-    if z_hat.shape[1] == S.shape[1] == 1:
+    if z_hat.shape[1] == S.shape[1] == 1 and look.rates is None:
         K, P = gaussians.gain(P, np.ascontiguousarray(C[:, 0]), S[:, 0])
-        K, P = K[j], P[j]
-    else:
-        K, P = gaussians.gain(P[j], C[j, at], S[j, of])
-    return gaussians.correct(m[j], K, look.z[i], z_hat[j, at], look.period), P
+        return gaussians.correct(m[j], K[j], look.z[i], z_hat[j, 0], look.period), P[j]
+    at, of = (i if a.shape[1] > 1 else np.zeros_like(i) for a in (z_hat, S))
+    return pair_update(look, m[j], P[j], z_hat[j, at], C[j, at], S[j, of], i)
+
+
+def pair_update(
+    look: Look, m: Array, P: Array, z_hat: Array, C: Array, S: Array, i: Array
+) -> tuple[Array, Array]:
+    """Means (k, dx) and covariances of Gaussians m, P given the detections ``i`` (k,), one each."""
+    place = z_hat[:, :2]
+    K, P = gaussians.gain(P, np.ascontiguousarray(C[:, :, :2]), np.ascontiguousarray(S[:, :2, :2]))
+    m = gaussians.correct(m, K, look.z[i], np.ascontiguousarray(place), look.period)
+    if look.rates is None:
+        return m, P
+    v = innovation(look.z[i], place, look.period)
+    return doppler.corrected(look.rates, i, v, m, P, z_hat, C, S)
+
+
+def first(look: Look, std_velocity: Array) -> tuple[Array, Array, Array]:
+    """Targets m (n, 4), P that nothing but the detections tells of, and a density (n,).
+
+    Velocities are about 0, with deviations ``std_velocity`` (2,). The density is that of their
+    Doppler, in the measure that clutter has beside its place.
+    """
+    if look.parts:
+        each = [first(part.look, std_velocity) for part in look.parts]
+        m, P, density = (np.concatenate(columns) for columns in zip(*each, strict=True))
+        return m, P, density
+    where, R = positions(look)
+    m, P = np.hstack((where, np.zeros_like(where))), np.zeros((len(where), 4, 4))
+    P[:, :2, :2], P[:, 2:, 2:] = R, np.diag(np.square(std_velocity))
+    if look.rates is None:
+        return m, P, np.ones(len(m))
+    density, m, P = doppler.first(look.rates, m, P)
+    return m, P, density
 
 
 def positions(look: Look) -> tuple[Array, Array]:

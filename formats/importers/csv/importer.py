@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from ....models.checks import NAME, check
+from ....models.columns import MODEL
 from ....models.errors import InputError, ParameterError
 from ....models.geometry.poses import said
 from ....models.parameters import parameter, require, suggestion
@@ -209,7 +210,7 @@ def _check_model(model: abc.Mapping[str, Any], path: Path) -> None:
     """
     known = parameters("echoset.estimators", "echoset.metrics") if model else ()
     for name in model:
-        if name not in known:
+        if name not in known and name not in MODEL:
             hint = suggestion(name, known)
             _log.warning("%s: model: no estimator or metric takes %r%s", path, name, hint)
 

@@ -23,7 +23,8 @@ from .times import epoch_ns
 MEASUREMENT = {"uwb": ("distance",), "position": ("x", "y"), "range_bearing": ("range", "azimuth")}
 MEASUREMENT |= {"odometry": ()}
 VIEW = ("view_azimuth_min", "view_azimuth_max", "view_range_min", "view_range_max")
-_RADAR = ("doppler", "power", "amplitude", "rcs", "time_offset", "scan", "sensor", *VIEW)
+_DOPPLER = ("doppler", "std_doppler")
+_RADAR = (*_DOPPLER, "power", "amplitude", "rcs", "time_offset", "scan", "sensor", *VIEW)
 _MOTION = ("velocity_x", "velocity_y", "turn_rate", "heading")
 ODOMETRY = ("left", "right", *_MOTION, *(f"std_{name}" for name in _MOTION))
 OPTIONAL = {

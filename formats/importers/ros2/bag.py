@@ -10,17 +10,26 @@ import hashlib
 import logging
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from ....models.errors import EchosetError, FormatError, ParameterError
+from .damage import files, rescued, verify
 
 _log = logging.getLogger(__name__)
 _DEFINITIONS = {
     "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
     "float32 doppler_velocity\nfloat32 amplitude\n",
     "radar_msgs/msg/RadarScan": "std_msgs/Header header\nradar_msgs/RadarReturn[] returns\n",
+    "radar_msgs/msg/RadarTrack": "uint16 NO_CLASSIFICATION=0\nuint16 STATIC=1\nuint16 DYNAMIC=2\n"
+    "unique_identifier_msgs/UUID uuid\ngeometry_msgs/Point position\n"
+    "geometry_msgs/Vector3 velocity\ngeometry_msgs/Vector3 acceleration\n"
+    "geometry_msgs/Vector3 size\nuint16 classification\nfloat32[6] position_covariance\n"
+    "float32[6] velocity_covariance\nfloat32[6] acceleration_covariance\n"
+    "float32[6] size_covariance\n",
+    "radar_msgs/msg/RadarTracks": "std_msgs/Header header\nradar_msgs/RadarTrack[] tracks\n",
 }
 
 
@@ -34,10 +43,19 @@ class Topic:
 
 
 class Bag:
-    """An open bag; ``recover`` makes it end at the first damage, which is told, and not fail."""
+    """An open bag; with ``recover`` of a damaged one what comes before the damage, which is told.
 
-    def __init__(self, path: Path, definitions: Sequence[Path] = (), recover: bool = False) -> None:
-        """Open the file or folder ``path``.
+    ``damage`` is what is wrong with it, and ``held`` how many messages come before.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        definitions: Sequence[Path] = (),
+        recover: bool = False,
+        prove: bool = True,
+    ) -> None:
+        """Open the file or folder ``path``, and ``prove`` its checksums.
 
         Raises
         ------
@@ -50,37 +68,96 @@ class Bag:
         except ImportError:
             reason = "ROS bags need rosbags: pip install 'echoset[ros]'"
             raise ParameterError(reason) from None
-        self.path, self._recover = path, recover
+        self.path, self.damage, self.held = path, "", 0
         self._types = get_typestore(Stores.ROS2_HUMBLE)
-        reader = None
+        self._reader: Any = None
         try:
-            reader = self._reader = Reader(path)
-            self._reader.open()
-            self._connections = list(self._reader.connections)
+            self._reader = self._open(Reader)
+            if prove:
+                self._prove()
+            found = self._reader.connections
+            kinds = [(_text_of(c.topic), _text_of(c.msgtype), int(c.msgcount)) for c in found]
+            own = [(c.msgtype, c.msgdef.data) for c in found if _is_msg(c)]
         except Exception as error:
-            _close(getattr(reader, "storage", None))
-            raise FormatError(path, "", f"no bag of ROS 2: {_reason(error)}") from error
+            self.close()
+            if not recover:
+                raise FormatError(path, "", f"no whole bag of ROS 2: {_reason(error)}") from error
+            self.damage = _reason(error)
+            kinds, own = [], []
         try:
-            self._register(definitions, get_types_from_msg)
+            self._register(definitions, own, get_types_from_msg)
+            if recover and not self.damage:
+                self._try(kinds)
+            if self.damage:
+                kinds = self._rescue(get_types_from_msg)
         except BaseException:
             self.close()
             raise
         count: dict[str, int] = {}
         kind: dict[str, str] = {}
-        for c in self._connections:
-            count[c.topic] = count.get(c.topic, 0) + c.msgcount
-            kind[c.topic] = c.msgtype.replace("/msg/", "/")
+        for topic, name, n in kinds:
+            count[topic] = count.get(topic, 0) + n
+            kind[topic] = name.replace("/msg/", "/")
         self.topics = {name: Topic(name, kind[name], count[name]) for name in sorted(count)}
 
-    def _register(self, definitions: Sequence[Path], parse: Callable[[str, str], Any]) -> None:
-        """Learn the types that ROS does not ship: told ones, then those of the bag."""
+    def _open(self, kind: Any) -> Any:
+        found = None
+        try:
+            found = kind(self.path)
+            found.open()
+        except Exception:
+            _close(getattr(found, "storage", None))
+            raise
+        return found
+
+    def _prove(self) -> None:
+        checked = [verify(path) for path in files(self.path)]
+        if not all(checked):
+            _log.info("%s: has no checksums: damage of numbers does not show", self.path)
+
+    def _try(self, kinds: Sequence[tuple[str, str, int]]) -> None:
+        """Find damage that shows in messages alone."""
+        try:
+            for _ in self._read({topic for topic, _, _ in kinds}):
+                pass
+        except FormatError as error:
+            self.damage = error.reason
+            self.close()
+
+    def _rescue(self, parse: Callable[[str, str], Any]) -> list[tuple[str, str, int]]:
+        """Count the messages before the damage by topic and type, and learn their types."""
+        self._reader = None
+        count: dict[tuple[str, str], int] = {}
+        learnt: set[str] = set()
+        try:
+            for path in files(self.path):
+                for kind, _, raw in rescued(path):
+                    if kind.type not in learnt:
+                        learnt.add(kind.type)
+                        own = [(kind.type, kind.definition)] if kind.definition else []
+                        self._register((), own, parse)
+                    if kind.type in self._types.fielddefs:
+                        self._types.deserialize_cdr(raw, kind.type)
+                    key = kind.topic, kind.type
+                    count[key] = count.get(key, 0) + 1
+                    self.held += 1
+        except Exception as error:
+            self.damage = _reason(error)
+        if not self.held:
+            raise FormatError(self.path, "", f"nothing is whole in it: {self.damage}")
+        text = "%s: recovered %d messages, to the damage: %s"
+        _log.warning(text, self.path, self.held, self.damage)
+        return [(topic, name, n) for (topic, name), n in count.items()]
+
+    def _register(
+        self,
+        definitions: Sequence[Path],
+        own: Sequence[tuple[str, str]],
+        parse: Callable[[str, str], Any],
+    ) -> None:
+        """Learn the types that ROS does not ship: told ones, then ``own``, those of the bag."""
         told = list(_DEFINITIONS.items())
         told += [(f"{p.parent.parent.name}/msg/{p.stem}", _text(p)) for p in definitions]
-        own = [
-            (c.msgtype, c.msgdef.data)
-            for c in self._connections
-            if c.msgdef.data and c.msgdef.format.name == "MSG"
-        ]
         known: dict[str, Any] = {}
         for name, text in (*told, *own):
             try:
@@ -94,6 +171,8 @@ class Bag:
 
     def close(self) -> None:
         """Close the file or folder."""
+        if self._reader is None:
+            return
         try:
             self._reader.close()
         except Exception as broken:
@@ -115,33 +194,49 @@ class Bag:
         return topic.type.replace("/", "/msg/") in self._types.fielddefs
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
-        """Topic, log time [ns] and message, in the order of log times.
+        """Topic, log time [ns] and message, in the order of log times; of a damaged bag as it is.
 
         Raises
         ------
         FormatError : the bag is damaged, or a message is not of its type
         """
-        chosen = [c for c in self._connections if c.topic in topics]
+        return self._before(topics) if self.damage else self._read(topics)
+
+    def _before(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
+        """The messages before the damage."""
+        every = (m for path in files(self.path) for m in rescued(path))
+        for kind, time, raw in islice(every, self.held):
+            if kind.topic in topics:
+                yield kind.topic, time, self._types.deserialize_cdr(raw, kind.type)
+
+    def _read(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
+        chosen = [c for c in self._reader.connections if c.topic in topics]
         if not chosen:
             return
         number = 0
         try:
             for connection, time, raw in self._reader.messages(connections=chosen):
                 number += 1
-                yield connection.topic, time, self._types.deserialize_cdr(raw, connection.msgtype)
+                if connection.msgtype in self._types.fielddefs:
+                    message = self._types.deserialize_cdr(raw, connection.msgtype)
+                    yield connection.topic, time, message
+            declared = sum(c.msgcount for c in chosen)
+            if number != declared:
+                raise ValueError(f"{declared} messages are declared, there are {number}")
         except (EchosetError, GeneratorExit):
             raise
         except Exception as error:
-            if not self._recover:
-                where = f"message {number}"
-                raise FormatError(self.path, where, _reason(error)) from error
-            text = "%s: recovered %d messages, to the damage: %s"
-            _log.warning(text, self.path, max(number - 1, 0), _reason(error))
+            part = str(error.args[0]) if isinstance(error, KeyError) and error.args else ""
+            if "/msg/" in part and part not in self._types.fielddefs:
+                reason = f"the type {part} is not defined: tell its .msg file by definitions="
+                raise ParameterError(reason) from error
+            raise FormatError(self.path, f"message {number}", _reason(error)) from error
 
     @property
     def duration(self) -> int:
         """Nanoseconds from the first message to the last."""
-        return int(self._reader.duration) if any(t.count for t in self.topics.values()) else 0
+        known = self._reader is not None and any(t.count for t in self.topics.values())
+        return int(self._reader.duration) if known else 0
 
     @property
     def provenance(self) -> list[dict[str, str]]:
@@ -157,6 +252,17 @@ def stamp(message: Any, log: int, time: str) -> int:
         return log
     told = message.header.stamp
     return int(told.sec) * 10**9 + int(told.nanosec)
+
+
+def _text_of(value: object) -> str:
+    """A name that is one, as those of a damaged database need not be."""
+    if not isinstance(value, str) or not value:
+        raise ValueError("a topic has no name or no type")
+    return value
+
+
+def _is_msg(connection: Any) -> bool:
+    return bool(connection.msgdef.data) and connection.msgdef.format.name == "MSG"
 
 
 def _close(storage: object) -> None:

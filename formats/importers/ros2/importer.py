@@ -27,7 +27,17 @@ import numpy as np
 from ....models.checks import WindowChecks
 from ....models.errors import FormatError, InputError, ParameterError
 from ....models.parameters import parameter, require, resolve, shown, suggestion
-from ....models.records import Array, Meta, Objects, Recording, Sensor, Stream, Truth
+from ....models.records import (
+    Array,
+    Estimates,
+    Meta,
+    Objects,
+    Recording,
+    Sensor,
+    Stream,
+    Truth,
+)
+from ...leaves import content_digest, observed_digest
 from ...windows import concatenate
 from ..csv.mapping import load
 from ..csv.units import check_unit
@@ -35,6 +45,7 @@ from .bag import Bag, Topic, stamp
 from .clouds import KINDS, NAMES, Wanted, columns
 from .frames import Frames
 from .messages import described
+from .tracks import TRACKS, Tracks
 
 _log = logging.getLogger(__name__)
 SUMMARY = "ROS 2 bags (MCAP, sqlite3): point clouds, radar scans, ranges, transforms, any message"
@@ -57,6 +68,9 @@ class Params:
     frame: str = parameter("", "", "the fixed frame; by default map, odom, or the only root")
     topics: tuple[str, ...] = parameter((), "", "topics that come in; by default all that can")
     truth: str = parameter("", "", "topic of the true pose of one object")
+    tracks: str = parameter(
+        "", "", "topic of tracks (radar_msgs/RadarTracks), which are written as estimates"
+    )
     definitions: tuple[str, ...] = parameter((), "", ".msg files of types, PACKAGE/msg/TYPE.msg")
     recover: bool = parameter(False, "", "of a damaged bag, take what comes before the damage")
 
@@ -75,7 +89,7 @@ def recognises(path: Path, head: bytes) -> bool:
 
 def listing(path: Path) -> dict[str, Any]:
     """The topics of a bag: type, messages, messages a second, and what will become of them."""
-    with Bag(path) as bag:
+    with Bag(path, prove=False) as bag:
         span = max(bag.duration * 1e-9, 1e-9)
         found = {
             t.name: {
@@ -89,17 +103,19 @@ def listing(path: Path) -> dict[str, Any]:
     return {"kind": "bag of ROS 2", "topics": found}
 
 
-def read(paths: Sequence[Path], params: Params) -> Recording:
-    """The recording in one bag, whole."""
+def read(paths: Sequence[Path], params: Params) -> Recording | Estimates:
+    """The recording in one bag, whole; or with ``tracks`` these as estimates, beside it."""
+    if params.tracks:
+        return _tracked(_one(paths), params)
     content, folder = load(params.mapping) if params.mapping else ({}, None)
     if content.keys() & {"kind", "streams", "columns"}:
         with _opened(_one(paths), params) as bag:
             return described(bag, content, folder, params.time)
-    return concatenate(list(windows(paths, params)))
+    return concatenate(list(_whole(paths, params)))
 
 
-def windows(paths: Sequence[Path], params: Params) -> Iterator[Recording]:
-    """The recording in one bag in windows of time, one at least.
+def windows(paths: Sequence[Path], params: Params) -> Iterator[Recording] | None:
+    """The recording in one bag in windows of time, one at least; None of estimates.
 
     Raises
     ------
@@ -107,6 +123,10 @@ def windows(paths: Sequence[Path], params: Params) -> Iterator[Recording]:
     FormatError : the bag is damaged, or stamps are out of order
     InputError : nothing in it can come in
     """
+    return None if params.tracks else _whole(paths, params)
+
+
+def _whole(paths: Sequence[Path], params: Params) -> Iterator[Recording]:
     path = _one(paths)
     content, folder = load(params.mapping) if params.mapping else ({}, None)
     if content.keys() & {"kind", "streams", "columns"}:
@@ -117,17 +137,63 @@ def windows(paths: Sequence[Path], params: Params) -> Iterator[Recording]:
     with _opened(path, params) as bag:
         chosen = _chosen(bag, params, told)
         sensors, truth = _around(bag, chosen, params, told)
-        provenance = {
-            "importer": "ros2",
-            "files": bag.provenance,
-            "parameters": {"time": params.time, "frame": params.frame, "truth": params.truth}
-            | ({"mapping": content} if content else {}),
-        }
-        meta = Meta(path.stem, provenance=provenance)
+        meta = Meta(path.stem, provenance=_provenance(bag, params, content))
         checks = WindowChecks(path)
         for window in _windows(bag, chosen, params, told, Recording(meta, sensors, {}, truth)):
             checks.check(window)
             yield window
+
+
+def _provenance(bag: Bag, params: Params, content: Mapping[str, Any]) -> dict[str, Any]:
+    said = {key: getattr(params, key) for key in ("time", "frame", "truth")}
+    return {
+        "importer": "ros2",
+        "files": bag.provenance,
+        "parameters": said | ({"mapping": content} if content else {}),
+    } | ({"recovered": {"messages": bag.held, "damage": bag.damage}} if bag.damage else {})
+
+
+def _tracked(path: Path, params: Params) -> Estimates:
+    """The tracks in a bag; the recording beside them has the truth, and radars if these are told.
+
+    Raises
+    ------
+    ParameterError : the topic is not there, or has other messages
+    FormatError : the bag is damaged, or a transform is missing
+    """
+    content, _ = load(params.mapping) if params.mapping else ({}, None)
+    told = _told(content)
+    with _opened(path, params) as bag:
+        topic = bag.topics.get(params.tracks)
+        if topic is None or topic.type != TRACKS:
+            kind = "is not there" if topic is None else f"is {topic.type}, not {TRACKS}"
+            hint = suggestion(
+                params.tracks, [t.name for t in bag.topics.values() if t.type == TRACKS]
+            )
+            raise ParameterError(f"tracks: the topic {params.tracks!r} {kind}{hint}")
+        chosen = _chosen(bag, params, told) if params.topics else {}
+        sensors, truth = _around(bag, {**chosen, topic.name: topic}, params, told)
+        sensor = sensors.pop(legal(topic.name))
+        meta = Meta(path.stem, provenance=_provenance(bag, params, content))
+        beside = Recording(meta, sensors, {}, truth)
+        if chosen:
+            beside = concatenate(list(_windows(bag, chosen, params, told, beside)))
+        found = Tracks()
+        for _, log, message in bag.messages({topic.name}):
+            found.add(stamp(message, log, params.time), message, sensor)
+    if not found.time:
+        raise InputError(f"{path}: {topic.name} has no messages")
+    objects, steps = found.objects()
+    made = {
+        "estimator": legal(topic.name),
+        "parameters": {**meta.provenance["parameters"], "tracks": topic.name},
+        "input": {
+            "name": meta.name,
+            "digest": observed_digest(beside),
+            "content_digest": content_digest(beside),
+        },
+    }
+    return Estimates(replace(meta, provenance={**meta.provenance, **made}), objects, steps, beside)
 
 
 def _one(paths: Sequence[Path]) -> Path:
@@ -143,6 +209,8 @@ def _opened(path: Path, params: Params) -> Bag:
 def _use(topic: Topic) -> str:
     if topic.type in KINDS:
         return f"stream {legal(topic.name)} ({KINDS[topic.type]})"
+    if topic.type == TRACKS:
+        return f"estimates, by --set tracks={topic.name}"
     if topic.type in (TRANSFORMS, ODOMETRY):
         return "poses"
     return "left out, unless it is the truth or a mapping describes it"

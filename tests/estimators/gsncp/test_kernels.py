@@ -44,7 +44,7 @@ def plane(n: int = 30, spread: float = 1.0, uniform: float = 0.05) -> Scene:
         z, np.array([0, n]), table, np.zeros(3), np.ones(3), np.zeros(7), np.zeros((1, 3)),
         np.eye(3)[None], np.array([[0.0, 0, 0, 0, 2.0]]), np.zeros(3), np.array([12.0, 8.0, 0.0]),
         np.array([1.0, -0.5, 1, 0, 0, 1]), np.array([1.5, 0.5, 1.5, 0, 0, 1]), 3.0, 1e-3, 60.0,
-        rng.uniform(0.5, 2.0, n), spread, uniform, True,
+        np.ones(n), rng.uniform(0.5, 2.0, n), spread, uniform, True,
     )  # fmt: skip
 
 
@@ -108,10 +108,37 @@ def test_a_problem_in_the_plane_is_one_in_space():
     np.testing.assert_allclose(eta[0], rho[0, 0] * density, rtol=1e-9, atol=1e-12)
 
 
+def test_detections_beyond_the_region_are_clutter_as_rarely_as_said():
+    """Against the product of densities written out; intensities tell of those inside alone."""
+    scene = plane()
+    scene.z[0, :3], scene.z[1, :3] = (-0.5, -1.0, -2.0), (4.0, 4.5, 0.5)
+    scene = scene._replace(beyond=np.where(scene.z[0] < 0, 0.01, 1.0))
+    c, e = np.array([[0.5, 4.0, 0.0]]), np.array([[1.2, 0.3, 1.4, 0.0, 0.0, 1.0]])
+    E = np.array([[1.2, 0.0], [0.3, 1.4]])
+    S = np.array([[0.04, 0.01], [0.01, 0.09]]) + E @ E.T
+    rho = 0.9 * 1.2 * 1.4 * 2.0
+    clutter = INTENSITY[1] * np.where(scene.z[0] < 0, 0.01, 1.0)
+    density = rho * multivariate_normal(c[0, :2], S).pdf(scene.z[:2].T)
+    gain = np.log(clutter + density).sum() - np.log(clutter).sum() - rho
+    gain += np.log(INTENSITY[0] / (0.5 * 1.0 * 0.5))
+    nothing = (np.zeros((0, 3)), np.zeros((0, 6)))
+    logs = []
+    for targets in ((c, e), nothing):
+        state = gsncp.empty(scene, 2)
+        put(state, *targets)
+        compiled.refresh(scene, state)
+        logs.append(gsncp.log_posterior(scene, *targets, INTENSITY))
+        assert compiled.log_posterior(scene, state, INTENSITY) == pytest.approx(logs[-1], rel=1e-12)
+    assert logs[0] - logs[1] == pytest.approx(gain, rel=1e-9)
+    all_false = np.ones(30, bool)
+    assert gsncp.intensities(scene, 0, 0.0, all_false, 96.0)[1] == pytest.approx(27 / 96)
+
+
 @pytest.mark.parametrize("informed", [True, False])
 @pytest.mark.parametrize("flat", [True, False])
 def test_twins_make_the_same_chain(world, informed, flat):
     scene = (half_seen(plane()) if flat else world[0])._replace(informed=informed)
+    scene = scene._replace(beyond=np.linspace(0.2, 1.0, len(scene.weight)))
     start = (np.zeros((0, 3)), np.zeros((0, 6))) if flat else world[1]
     rng, n = np.random.default_rng(3), 400
     points = scene.z.T[::7].copy()
@@ -233,10 +260,10 @@ def test_intensity_is_that_of_the_hard_core_process():
     assert abs(excess.mean()) < 4.5 * excess.std() / np.sqrt(len(excess))
     one = np.array([[6.0, 4.0, 0.0]])
     exact = 1 / (area - np.pi * 3.0**2)
-    assert gsncp.intensities(scene, 1, 1.0, -1.0, gsncp.room(scene, one))[0] == pytest.approx(
-        exact, rel=0.01
-    )
-    assert gsncp.intensities(scene, 0, 0.0, 0.0, area) == pytest.approx([0.1 / area] * 2)
+    single, true = plane(1), np.zeros(1, bool)
+    found = gsncp.intensities(single, 1, 1.0, true, gsncp.room(scene, one))
+    assert found[0] == pytest.approx(exact, rel=0.01)
+    assert gsncp.intensities(single, 0, 0.0, true, area) == pytest.approx([0.1 / area] * 2)
 
 
 def deviation(x: np.ndarray, reference: np.ndarray) -> float:

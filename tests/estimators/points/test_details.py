@@ -64,7 +64,7 @@ def mixture(rng):
         np.tile(np.diag([100.0, 64.0, 1.0, 1.0]), (4, 1, 1)),
     )
     table = np.array([[0, -1, 2], [3, 1, -1]])
-    return bernoulli.Mixture(local, np.arange(3), local.m[:3], np.array([0.55, 0.45]), table)
+    return bernoulli.Mixture.whole(local, np.arange(3), local.m[:3], np.array([0.55, 0.45]), table)
 
 
 def test_as_many_are_shown_as_are_extracted_by_cardinality():
@@ -75,7 +75,7 @@ def test_as_many_are_shown_as_are_extracted_by_cardinality():
     tracks, _ = mbm.extract(x, params)
     assert tracks.tolist() == [0, 1]
     moved = mbm._moved(x, set(), params)
-    epoch = mbm.Epoch(0, x.local, np.eye(4), np.eye(4))
+    epoch = mbm.Epoch(0, x, np.eye(4), np.eye(4), 1.0)
     assert mbm._objects(x, [epoch], moved, params).label.tolist() == [0, 1]
 
 
@@ -90,7 +90,7 @@ def test_regions_of_a_mixture_by_enumeration():
         for mean in a.m
     ]  # fmt: skip
     number = np.zeros(4)
-    for w, row in zip(x.w, x.table, strict=True):
+    for w, row in zip(x.w[:, 0], x.table, strict=True):
         p = [a.r[l] * inside[l] for l in row if l >= 0]
         for there in product([0, 1], repeat=len(p)):
             chance = np.prod([q if t else 1 - q for q, t in zip(p, there, strict=True)])

@@ -29,6 +29,7 @@ BASE = {
     "std_position": 1.0,
     "birth": "components",
     "birth_components": BIRTHS,
+    "poisson": False,
 }
 EXACT = {
     "gate": 1e9,
@@ -36,6 +37,7 @@ EXACT = {
     "min_weight": 1e-200,
     "max_hypotheses": 100_000,
     "merge_distance": 0.0,
+    "group_dependence": None,
 }
 CROSSING = [
     [[40.0, 50.0], [61.0, 49.0], [80.0, 20.0]],
@@ -147,15 +149,15 @@ def enumeration(scans, params):
 
 @pytest.mark.parametrize(("poisson", "steps"), [(False, 3), (True, 4)])
 def test_equals_full_enumeration(make_recording, poisson, steps):
-    params = mbm.Params(**BASE, **EXACT, poisson=poisson)
+    params = mbm.Params(**{**BASE, **EXACT, "poisson": poisson})
     scans = [np.array(Z).reshape(-1, 2) for Z in CROSSING[:steps]]
     expected = enumeration(scans, params)
     for state, hypotheses in zip(states(make_recording(scans), params), expected, strict=True):
         mixture, a = state.mixture, state.mixture.local
         hypotheses.sort(key=lambda h: -h[0])
         w = np.array([w for w, _ in hypotheses])
-        assert mixture.w.shape == w.shape and (np.diff(w) < -1e-8 * w[1:]).all()
-        assert np.allclose(mixture.w, w, rtol=1e-9, atol=0)
+        assert mixture.w.shape == (len(w), 1) and (np.diff(w) < -1e-8 * w[1:]).all()
+        assert np.allclose(mixture.w[:, 0], w, rtol=1e-9, atol=0)
         for row, (_, tracks) in zip(mixture.table, hypotheses, strict=True):
             mine = sorted((a.r[l], *a.m[l], *a.P[l].ravel()) for l in row if l >= 0)
             theirs = sorted((r, *m, *P.ravel()) for r, m, P in tracks.values())
@@ -233,7 +235,8 @@ def test_visibility_is_a_markov_chain_of_two_states(make_recording):
         hide_rate=0.3, show_rate=0.2)  # fmt: skip
     start = bernoulli.newborn(np.array([0.6]), np.array([[50.0, 50, 0, 0]]), np.eye(4)[None])
     state = mbm.init()
-    mixture = bernoulli.add_tracks(state.mixture, start, np.array([0]), np.ones((1, 1), bool))
+    mixture = bernoulli.add_tracks(state.mixture, start, np.array([0]), np.ones((1, 1), bool),
+                                   np.array([0]))  # fmt: skip
     state = dataclasses.replace(state, mixture=mixture, time_ns=-1_000_000_000)
     recording = make_recording([np.zeros((0, 2))] * 4)
     context = Context.of(recording.setup(), params)
@@ -345,9 +348,12 @@ def test_the_way_back_is_that_of_a_flat_prior():
     root = rng.normal(size=(2, 4, 4))
     P, Q = root[0] @ root[0].T, root[1] @ root[1].T
     new = bernoulli.newborn(np.array([0.3]), rng.normal(size=(1, 4)), P[None])
+    none, zero = bernoulli.nothing(4), np.array([0])
     epochs = [
-        Epoch(5 * 10**9, new.take([]), F, Q),
-        Epoch(7 * 10**9, new, F, Q),
+        Epoch(5 * 10**9, none, F, Q, 1.0),
+        Epoch(
+            7 * 10**9, bernoulli.add_tracks(none, new, zero, np.ones((1, 1), bool), zero), F, Q, 1.0
+        ),
     ]
     age, r, m, V = smooth(epochs, np.array([0]))
     flat = 1e9 * np.eye(4)
@@ -414,12 +420,12 @@ def random_mixture(rng, tracks=4, copies=3, hypotheses=6):
     table = rng.integers(-1, copies, (hypotheses, tracks))
     table = np.where(table < 0, -1, table + copies * np.arange(tracks))
     w = rng.dirichlet(np.ones(hypotheses))
-    return bernoulli.Mixture(local, np.arange(tracks), np.zeros((tracks, 4)), w, table)
+    return bernoulli.Mixture.whole(local, np.arange(tracks), np.zeros((tracks, 4)), w, table)
 
 
 def marginals(mixture):
     """Existence, mean and second moment of every track over the hypotheses."""
-    a, weight = mixture.local, mixture.w[:, None] * mixture.existence()
+    a, weight = mixture.local, mixture.w * mixture.existence()
     second = a.P + a.m[:, :, None] * a.m[:, None, :]
     shares = [weight[:, t] for t in range(mixture.table.shape[1])]
     return [
@@ -453,9 +459,8 @@ def test_twin_groups_as_the_definition_does():
 def test_uniting_makes_close_tracks_of_the_best_hypothesis_one():
     m = np.array([[0.0, 0, 1, 0], [0.5, 0, 1, 0], [9.0, 0, 0, 0]])
     new = bernoulli.newborn(np.array([0.6, 0.3, 0.8]), m, np.tile(np.eye(4), (3, 1, 1)))
-    mixture = bernoulli.add_tracks(bernoulli.nothing(4), new, np.arange(3), np.ones((1, 3), bool))
-    mixture = dataclasses.replace(
-        mixture, w=np.array([0.7, 0.3]), table=np.vstack((mixture.table, mixture.table))
+    mixture = bernoulli.Mixture.whole(
+        new, np.arange(3), m, np.array([0.7, 0.3]), np.tile(np.arange(3), (2, 1))
     )
     united = bernoulli.prune(bernoulli.unite(mixture, 2.0), 1e-6, 10)[0]
     assert united.label.tolist() == [0, 1, 2]
@@ -472,12 +477,12 @@ def test_pruning_unites_equal_hypotheses_and_drops_the_unused():
     mixture.local.r[mixture.table[0, 0]] = 1e-9
     pruned = bernoulli.prune(mixture, 1e-6, 10)[0]
     assert pruned.label.tolist() == [0, 1, 3]
-    assert np.isclose(pruned.w.sum(), 1) and (np.diff(pruned.w) <= 0).all()
+    assert np.isclose(pruned.w.sum(), 1) and (np.diff(pruned.w[:, 0]) <= 0).all()
     assert len(np.unique(pruned.table, axis=0)) == len(pruned.w)
     assert sorted(set(pruned.table[pruned.table >= 0])) == list(range(len(pruned.local)))
     for before, after in zip(marginals(mixture), marginals(pruned), strict=True):
         assert np.allclose(before[[0, 1, 3]], after, atol=1e-8)
-    expected = mixture.w @ mixture.existence()
+    expected = mixture.w[:, 0] @ mixture.existence()
     capped = bernoulli.prune(mixture, 1e-6, 2)[0]
     assert capped.label.tolist() == sorted(np.argsort(-expected)[:2])
 
@@ -491,16 +496,15 @@ def test_cardinality_equals_enumeration():
         rho[:, e.sum()] += np.prod(np.where(e, r, 1 - r), axis=1)
     assert np.allclose(bernoulli.cardinality(mixture), rho)
     numbers = mbm._numbers(mixture)
-    mean = mixture.w @ rho @ np.arange(5)
+    mean = mixture.w[:, 0] @ rho @ np.arange(5)
     assert np.isclose(numbers["cardinality_mean"][0], mean)
-    variance = mixture.w @ rho @ (np.arange(5) - mean) ** 2
+    variance = mixture.w[:, 0] @ rho @ (np.arange(5) - mean) ** 2
     assert np.isclose(numbers["cardinality_variance"][0], variance)
 
 
 def test_cardinality_extraction_takes_the_likeliest_number():
     one = bernoulli.newborn(np.full(3, 0.45), np.zeros((3, 4)), np.tile(np.eye(4), (3, 1, 1)))
-    none = bernoulli.nothing(4)
-    mixture = bernoulli.add_tracks(none, one, np.arange(3), np.ones((1, 3), bool))
+    mixture = bernoulli.Mixture.whole(one, np.arange(3), one.m, np.ones(1), np.arange(3)[None])
     # P(n) = 0.166, 0.408, 0.334, 0.091: one object, though none exists by half.
     params = mbm.Params(**BASE, extraction="cardinality")
     assert len(mbm.extract(mixture, params)[0]) == 1
@@ -527,7 +531,8 @@ def test_a_crowd_of_detections_is_cut_with_a_warning(make_recording, caplog):
         enumerate(path)]  # fmt: skip
     with caplog.at_level(logging.WARNING):
         steps = run(make_recording(scans), birth="detections", poisson=True)
-    assert "10001 detections" in caplog.text and len(caplog.records) == 1
+    said = [record.args[2] for record in caplog.records]
+    assert "10001 detections, max_detections" in caplog.text and len(said) == len(set(said))
     assert all(s.steps["tracks"][0] <= 1000 and s.steps["hypotheses"][0] <= 100 for s in steps)
 
 

@@ -25,6 +25,7 @@ BASE = {
     "gate": 1e9,
     "acceleration_density": DENSITY,
     "merge_distance": 0.0,
+    "poisson": False,
 }
 
 
@@ -169,12 +170,13 @@ def test_of_hypotheses_that_become_one_the_weightiest_tells_its_past():
         np.array([0.9, 1e-9, 0.8]), np.zeros((n, 4)), np.tile(np.eye(4), (n, 1, 1))
     )
     table = np.array([[0, 1], [0, -1], [-1, 2]])
-    mixture = bernoulli.Mixture(
-        local, np.arange(2), np.zeros((2, 4)), np.array([0.2, 0.5, 0.3]), table, np.array([7, 8, 9])
+    mixture = bernoulli.Mixture.whole(
+        local, np.arange(2), np.zeros((2, 4)), np.array([0.2, 0.5, 0.3]), table
     )
+    mixture = mbm.replace(mixture, parent=np.array([[7], [8], [9]]))
     pruned, _ = bernoulli.prune(mixture, 1e-5, 100)
-    np.testing.assert_allclose(pruned.w, [0.7, 0.3])
-    assert pruned.parent.tolist() == [8, 9]
+    np.testing.assert_allclose(pruned.w[:, 0], [0.7, 0.3])
+    assert pruned.parent[:, 0].tolist() == [8, 9]
 
 
 def test_every_hypothesis_knows_what_it_was_before(make_recording):
@@ -187,11 +189,18 @@ def test_every_hypothesis_knows_what_it_was_before(make_recording):
     before, checked = None, 0
     for scan in make_recording(Z).scans():
         state, epoch = mbm.step(state, [scan], context)
+        now = epoch.mixture
         if before is not None:
-            for row, parent in zip(epoch.table, epoch.parent, strict=True):
-                had = set(before.table[parent].tolist())
-                origin = epoch.local.origin[row[row >= 0]]
-                assert set(origin[origin >= 0].tolist()) <= had
-                checked += (origin >= 0).sum()
-        before = epoch
+            group = dict(zip(before.label.tolist(), before.group.tolist(), strict=True))
+            links = list(zip(now.came.tolist(), now.heir.tolist(), strict=True))
+            for t, label in enumerate(now.label.tolist()):
+                if label not in group:
+                    continue
+                link = links.index((group[label], now.group[t]))
+                some = np.flatnonzero(now.table[:, t] >= 0)
+                at = before.label.tolist().index(label)
+                had = before.table[now.parent[some, link], at]
+                assert (now.local.origin[now.table[some, t]] == had).all()
+                checked += len(some)
+        before = now
     assert checked > 50

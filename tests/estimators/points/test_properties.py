@@ -11,7 +11,8 @@ from echoset.models.motion import white_acceleration
 from echoset.models.radar.detection import View, polar
 
 FILTERS = pytest.mark.parametrize(
-    ("module", "changes"), [(phd, {}), (mbm, {}), (mbm, {"poisson": True})]
+    ("module", "changes"),
+    [(phd, {}), (mbm, {"poisson": False}), (mbm, {"poisson": True, "backlog": 0.0})],
 )
 MODEL = {
     "p_detect": 0.8, "clutter_rate": 6.0, "std_range": 1.0, "std_azimuth": 0.01,

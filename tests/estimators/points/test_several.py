@@ -32,7 +32,8 @@ def together(make_recording, *scans):
 
 
 def run(module, recording, **changes):
-    params = module.Params(**{**BASE, **changes})
+    begun = {"poisson": False} if module is mbm else {}
+    params = module.Params(**{**BASE, **begun, **changes})
     return list(module.estimate(recording.setup(), recording.scans(), params, None))
 
 

@@ -92,3 +92,14 @@ def test_what_one_states_the_other_does_not_lack_silently(module, both):
 
 def test_every_parameter_of_one_stream_has_an_effect_there():
     assert "sensors" not in OF_ONE and {"p_detect", "max_range", "clutter_cell"} <= set(OF_ONE)
+
+
+@MODULES
+def test_what_each_stream_is_told_need_not_be_told_for_all(module, make_recording):
+    recording = make_recording([[[1.0, 2.0]]])
+    told = {"p_detect": 0.7, "clutter_rate": 2.0, "std_position": 1.0}
+    own = params(module, recording, ("--config", {"sensors": {"radar": told}}))["radar"]
+    assert (own.p_detect, own.clutter_rate, own.std_position) == (0.7, 2.0, 1.0)
+    two = replace(recording, streams={**recording.streams, "other": recording.streams["radar"]})
+    with pytest.raises(InputError, match="p_detect"):
+        params(module, two, ("--config", {"sensors": {"radar": told}}))

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer as McapWriter
 
 from echoset.formats.importers import ros2
 from echoset.models.errors import EchosetError, FormatError, InputError, ParameterError
@@ -25,6 +30,17 @@ STORE.register(
     )
     | get_types_from_msg(
         "std_msgs/Header header\nradar_msgs/RadarReturn[] returns\n", "radar_msgs/msg/RadarScan"
+    )
+    | get_types_from_msg(
+        "unique_identifier_msgs/UUID uuid\ngeometry_msgs/Point position\n"
+        "geometry_msgs/Vector3 velocity\ngeometry_msgs/Vector3 acceleration\n"
+        "geometry_msgs/Vector3 size\nuint16 classification\nfloat32[6] position_covariance\n"
+        "float32[6] velocity_covariance\nfloat32[6] acceleration_covariance\n"
+        "float32[6] size_covariance\n",
+        "radar_msgs/msg/RadarTrack",
+    )
+    | get_types_from_msg(
+        "std_msgs/Header header\nradar_msgs/RadarTrack[] tracks\n", "radar_msgs/msg/RadarTracks"
     )
     | get_types_from_msg("string id\nfloat32 distance\nfloat32 rssi\n", "tags/msg/Range")
     | get_types_from_msg("std_msgs/Header header\ntags/Range[] ranges\n", "tags/msg/Ranges")
@@ -135,7 +151,10 @@ def imported(path: Path, **params: Any) -> Recording:
     [
         (StoragePlugin.MCAP, None),
         (StoragePlugin.MCAP, CompressionMode.STORAGE),
+        (StoragePlugin.MCAP, CompressionMode.FILE),
+        (StoragePlugin.MCAP, CompressionMode.MESSAGE),
         (StoragePlugin.SQLITE3, None),
+        (StoragePlugin.SQLITE3, CompressionMode.FILE),
         (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
     ],
 )
@@ -189,6 +208,75 @@ def test_scans_of_returns_and_single_ranges(tmp_path: Path):
     assert sonar.rows["std_azimuth"][0] == pytest.approx(0.5 / 12**0.5)
 
 
+def track(name: int, place: Any, speed: Any, kind: int) -> Any:
+    """A track whose place varies by 4, 1 and 0.25 m2 along x, y and z, x with y by 1."""
+    point, vector = "geometry_msgs/msg/Point", "geometry_msgs/msg/Vector3"
+    still = make(vector, x=0.0, y=0.0, z=0.0)
+    return make(
+        "radar_msgs/msg/RadarTrack",
+        uuid=make("unique_identifier_msgs/msg/UUID", uuid=np.full(16, name, np.uint8)),
+        position=make(point, x=place[0], y=place[1], z=0.0),
+        velocity=make(vector, x=speed[0], y=speed[1], z=0.0), acceleration=still, size=still,
+        classification=kind, position_covariance=np.array([4, 1, 0, 1, 0, 0.25], np.float32),
+        velocity_covariance=np.array([1, 0, 0, 1, 0, 1], np.float32),
+        acceleration_covariance=np.zeros(6, np.float32), size_covariance=np.zeros(6, np.float32),
+    )  # fmt: skip
+
+
+def test_tracks_are_estimates(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    """The radar looks to the left of a car that drives east, 2 m ahead of its middle."""
+    from echoset import formats
+    from echoset.cli.main import main
+    from echoset.models.records import Estimates
+
+    messages = [m for m in drive() if m[0] != "/radar/points"]
+    for k in range(4):
+        time = T0 + k * 10**8 + 5 * 10**7
+        found = [
+            track(
+                7,
+                (
+                    1.0,
+                    -3.0 * (k + 0.5) + k + 2.5,
+                ),
+                (0.5, -30.0),
+                32001,
+            )
+        ]
+        found += [track(9, (5.0, 0.0), (0.0, 0.0), 1)] if k == 2 else []
+        told = make("radar_msgs/msg/RadarTracks", header=header(time, "radar"), tracks=found)
+        messages.append(("/radar/tracks", time, told))
+    bag = write(tmp_path / "bag", sorted(messages, key=lambda m: m[1]))
+    assert main(["info", str(bag)]) == 0
+    assert "estimates, by --set tracks=/radar/tracks" in capfd.readouterr().out
+    out = tmp_path / "tracks.h5"
+    settings = ["--set", "tracks=/radar/tracks", "--set", "truth=/truth"]
+    assert main(["convert", "--from", "ros2", str(bag), *settings, "-o", str(out)]) == 0
+    assert main(["validate", str(out)]) == 0
+    record = formats.read(out)
+    assert isinstance(record, Estimates) and record.estimator == "radar_tracks"
+    o = record.objects
+    np.testing.assert_array_equal(o.row_offset, [0, 1, 2, 4, 5])
+    np.testing.assert_array_equal(o.label, [0, 0, 0, 1, 0])
+    assert [o.class_names[k] for k in o.class_index] == ["32001"] * 3 + ["static", "32001"]
+    # x of the radar is north, y is west: the first is where the truth is, a metre to the north.
+    first = o.label == 0
+    x = 3.0 * (np.arange(4) + 0.5)
+    np.testing.assert_allclose(o.state[first][:, 0], x, atol=1e-9)
+    np.testing.assert_allclose(o.state[first][:, 1], 1.0, atol=1e-9)
+    np.testing.assert_allclose(o.state[first][:, 3:5], np.tile([30.0, 0.5], (4, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        o.covariance[0][:3, :3], [[1, -1, 0], [-1, 4, 0], [0, 0, 0.25]], atol=1e-9
+    )
+    assert main(["score", str(out), "-m", "gospa", "-o", "-"]) == 0
+    scores = capfd.readouterr().out
+    assert "radar_tracks,gospa" in scores
+    with pytest.raises(ParameterError, match=r"tracks: the topic '/truth' is geometry_msgs"):
+        imported(bag, tracks="/truth")
+    with pytest.raises(ParameterError, match=r"'/radar/track' is not there .did you mean"):
+        imported(bag, tracks="/radar/track")
+
+
 def test_any_message_by_paths(tmp_path: Path):
     """Ranges of a tag in messages of a type of its own, and its truth from another topic."""
 
@@ -231,6 +319,30 @@ def test_any_message_by_paths(tmp_path: Path):
     wrong = {**said, "columns": {**said["columns"], "distance": "ranges[].dist"}}
     with pytest.raises(ParameterError, match=r"/uwb .*did you mean 'distance'"):
         imported(tmp_path / "bag", mapping=wrong)
+
+
+def test_types_that_the_bag_does_not_define(tmp_path: Path):
+    """Old bags have no definitions, and then ``.msg`` files tell them."""
+    ranges = [make("tags/msg/Range", id="A", distance=1.5, rssi=-80.0)]
+    message = make("tags/msg/Ranges", header=header(T0, "t"), ranges=ranges)
+    bag = write(tmp_path / "bag", [("/uwb", T0, message)], StoragePlugin.SQLITE3)
+    with closing(sqlite3.connect(bag / "bag.db3")) as database:
+        database.execute("DELETE FROM message_definitions")
+        database.commit()
+    columns = {"time": "time", "anchor": "ranges[].id", "distance": "ranges[].distance"}
+    said = {"kind": "uwb", "topic": "/uwb", "columns": columns, "anchors": {"A": [0, 0]}}
+    with pytest.raises(ParameterError, match=r"tags/Ranges is not defined in the bag: .*definit"):
+        imported(bag, mapping=said)
+    folder = tmp_path / "tags" / "msg"
+    folder.mkdir(parents=True)
+    (folder / "Range.msg").write_text("string id\nfloat32 distance\nfloat32 rssi\n")
+    (folder / "Ranges.msg").write_text("std_msgs/Header header\nRange[] ranges\n")
+    told = (str(folder / "Range.msg"), str(folder / "Ranges.msg"))
+    found = imported(bag, mapping=said, definitions=told)
+    assert found.streams["uwb"].rows["distance"].tolist() == [1.5]
+    (folder / "Range.msg").write_text("string id\nfloat distance\n")
+    with pytest.raises(ParameterError, match=r"the type tags/msg/float is not defined: tell its"):
+        imported(bag, mapping=said, definitions=told)
 
 
 def test_a_missing_transform_is_named(tmp_path: Path):
@@ -294,16 +406,73 @@ def test_windows_are_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         imported(late)
 
 
+def clouds(count: int) -> list[tuple[str, int, Any]]:
+    """Clouds of 40 points that all have the number of the cloud as coordinates."""
+    points = [np.full((40, 5), float(k), np.float32) for k in range(count)]
+    return [("/a", T0 + k * 10**7, cloud(T0 + k * 10**7, p)) for k, p in enumerate(points)]
+
+
+def checked(bag: Path, out: Path, per_chunk: int) -> bytes:
+    """The messages of a bag in a file with all checksums, as recorders write it."""
+    with out.open("wb") as file, (next(bag.glob("*.mcap"))).open("rb") as source:
+        writer = McapWriter(file, chunk_size=per_chunk, enable_data_crcs=True)
+        writer.start("ros2", "test")
+        channels: dict[str, int] = {}
+        for schema, channel, message in make_reader(source).iter_messages():
+            if channel.topic not in channels:
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, "cdr", known)
+            at = message.log_time
+            writer.add_message(channels[channel.topic], at, message.data, at)
+        writer.finish()
+    return out.read_bytes()
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(1100, marks=pytest.mark.verification)])
+def test_damaged_bags_with_checksums(tmp_path: Path, count: int):
+    """Cut or changed anywhere: refused in a line; with ``recover``, the messages before it."""
+    data = checked(write(tmp_path / "bag", clouds(100)), tmp_path / "whole.mcap", 5000)
+    whole = imported(tmp_path / "whole.mcap").streams["a"]
+    rng = np.random.default_rng(5)
+    broken = tmp_path / "broken.mcap"
+    part = 0
+    for k in range(count):
+        if k % 11 == 0:
+            broken.write_bytes(data[: int(rng.integers(len(data)))])
+        else:
+            changed = bytearray(data)
+            changed[int(rng.integers(len(data)))] ^= int(rng.integers(1, 256))
+            broken.write_bytes(changed)
+        try:
+            found = imported(broken).streams["a"]
+            # What is not covered by a checksum says nothing: the library's name, say.
+            np.testing.assert_array_equal(found.rows["x"], whole.rows["x"])
+            np.testing.assert_array_equal(found.time_ns, whole.time_ns)
+        except EchosetError as error:
+            assert "\n" not in str(error)
+        try:
+            found = imported(broken, recover=True)
+            stream = found.streams["a"]
+            np.testing.assert_array_equal(stream.time_ns, whole.time_ns[: len(stream)])
+            m = stream.row_offset[-1]
+            np.testing.assert_array_equal(stream.rows["x"], whole.rows["x"][:m])
+            part += len(stream) < len(whole)
+        except EchosetError as error:
+            assert "\n" not in str(error)
+    assert part > count / 3
+
+
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-@pytest.mark.parametrize("count", [15, pytest.param(300, marks=pytest.mark.verification)])
-def test_damaged_bags(tmp_path: Path, plugin: Any, count: int):
+@pytest.mark.parametrize("count", [15, pytest.param(1100, marks=pytest.mark.verification)])
+def test_damaged_bags_without_checksums(tmp_path: Path, plugin: Any, count: int):
+    """Numbers may be others, since nothing tells; all else is refused in a line."""
     bag = write(tmp_path / "bag", drive(), plugin)
     (file,) = (p for p in bag.iterdir() if p.suffix in (".mcap", ".db3"))
     data = file.read_bytes()
     rng = np.random.default_rng(5)
     broken = tmp_path / f"broken{file.suffix}"
     for k in range(count):
-        if k % 3 == 0:
+        if k % 11 == 0:
             broken.write_bytes(data[: int(rng.integers(len(data)))])
         else:
             changed = bytearray(data)
@@ -314,6 +483,36 @@ def test_damaged_bags(tmp_path: Path, plugin: Any, count: int):
                 imported(broken, recover=recover)
             except EchosetError as error:
                 assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_a_bag_that_was_cut(tmp_path: Path, plugin: Any, capfd: pytest.CaptureFixture[str]):
+    """The commands: exit code 4 and no output, or what is whole and exit code 3."""
+    from echoset import formats
+    from echoset.cli.main import main
+
+    bag = write(tmp_path / "bag", clouds(400), plugin)
+    if plugin == StoragePlugin.MCAP:
+        path = tmp_path / "cut.mcap"
+        checked(bag, path, 20_000)
+    else:
+        path = tmp_path / "cut.db3"
+        path.write_bytes((bag / "bag.db3").read_bytes())
+    os.truncate(path, path.stat().st_size * 6 // 10)
+    out = tmp_path / "a.h5"
+    command = ["convert", "--from", "ros2", str(path), "-o", str(out)]
+    assert main(command) == 4 and not out.exists()
+    assert capfd.readouterr().err.count("\n") == 1
+    assert main([*command, "--recover"]) == 3
+    assert "recovered" in capfd.readouterr().err
+    record = formats.read(out)
+    stream, told = record.streams["a"], record.meta.provenance["recovered"]
+    assert 100 < len(stream) == told["messages"] < 400 and told["damage"]
+    np.testing.assert_array_equal(stream.rows["x"], np.repeat(np.arange(len(stream)), 40))
+    assert main(["validate", "--strict", str(out)]) == 0
+    whole = ["convert", "--from", "ros2", str(bag), "-o", str(out), "--overwrite", "--recover"]
+    assert main(whole) == 0
+    assert "recovered" not in formats.read(out).meta.provenance
 
 
 def test_without_rosbags_the_command_that_installs_it_is_said(tmp_path: Path, monkeypatch):
@@ -337,6 +536,11 @@ def test_the_commands(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
         target = tmp_path / f"a.{suffix}"
         assert main(["convert", "--from", "ros2", str(bag), "-o", str(target)]) == 0
         assert main(["validate", "--strict", str(target)]) == 0
+    # Viewers show it over the bag's own times: those of the headers.
+    with (tmp_path / "a.mcap").open("rb") as made:
+        told = make_reader(made).iter_messages(topics="/radar/radar_points/detections")
+        stamps = [message.log_time for _, _, message in told]
+    assert stamps == [T0 + k * 10**8 + 5 * 10**7 for k in range(4)]
     (file,) = bag.glob("*.mcap")
     assert main(["validate", str(file)]) == 4
     assert "try echoset convert --from ros2" in capfd.readouterr().err

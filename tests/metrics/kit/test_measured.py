@@ -60,7 +60,7 @@ def test_windows_give_the_scores_of_the_whole(name, size, skip, max_gap):
 
 def test_most_metrics_go_by_steps():
     others = set(registry.names("echoset.metrics")) - set(BY_STEPS)
-    assert others == {"pcrlb", "pcrlb-star"}
+    assert others == {"pcrlb", "pcrlb-star", "pcrlb-smooth"}
 
 
 def test_nothing_to_score_is_told():

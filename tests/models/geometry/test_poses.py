@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from echoset.models.errors import InputError
-from echoset.models.geometry.poses import pose_at, yaw_quaternion
+from echoset.models.geometry.poses import pose_at, velocity_at, yaw_quaternion
 from echoset.models.records import Sensor
 
 SECOND = 10**9
@@ -40,3 +40,23 @@ def test_a_yaw_turns_the_x_axis_in_the_plane():
 def test_a_sensor_without_a_pose_is_refused():
     with pytest.raises(InputError, match="pose of the device"):
         pose_at(Sensor.device(), 0)
+
+
+def test_the_velocity_of_a_sensor_under_constant_acceleration():
+    """Exact at samples within, whatever their spacing, and so between them."""
+    time = np.array([0, 1, 3, 4, 6]) * SECOND
+    t = time / SECOND
+    v0, a = np.array([3.0, -1.0, 0.5]), np.array([0.5, 2.0, -1.0])
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (5, 1))
+    sensor = Sensor("radar", time, t[:, None] * v0 + t[:, None] ** 2 * a / 2, still)
+    for at in (1.0, 1.5, 3.0, 3.25, 4.0):
+        np.testing.assert_allclose(velocity_at(sensor, round(at * SECOND)), v0 + at * a, atol=1e-12)
+    for end, ahead, beyond in ((0, -1, -2), (6, 7, 9)):
+        v = velocity_at(sensor, end * SECOND)
+        np.testing.assert_allclose(v, v0 + a * (0.5 if end == 0 else 5.0), atol=1e-12)
+        np.testing.assert_array_equal(velocity_at(sensor, ahead * SECOND), v)
+        np.testing.assert_array_equal(velocity_at(sensor, beyond * SECOND), np.zeros(3))
+    rest = Sensor.static("radar", np.ones(2))
+    np.testing.assert_array_equal(velocity_at(rest, 5), np.zeros(3))
+    two = Sensor("radar", time[:2], sensor.position[:2], still[:2])
+    np.testing.assert_allclose(velocity_at(two, SECOND // 3), v0 + a / 2, atol=1e-12)

@@ -229,3 +229,21 @@ def test_covariances_in_tables():
     refused(lacking, r"model: 'cov_yz_table' is missing")
     plane = {k: v for k, v in whole.items() if "z" not in k}
     check_stream(replace(tables(P), model=plane), SENSORS, "r")
+
+
+def test_radial_speeds_beyond_what_is_told_apart():
+    """Speeds that differ by twice ``doppler_max`` are one to the radar; noise may carry over it."""
+    rows = {"range": [5.0] * 3, "azimuth": [0.0] * 3, "doppler": [-10.0, 0.0, 10.0]}
+    sound = stream("range_bearing", rows, model={"doppler_max": 10.0})
+    check_stream(sound, SENSORS, "r")
+    refused(
+        replace(sound, model={"doppler_max": 9.0}),
+        r"rows/doppler\[0\]: -10.0 is beyond doppler_max",
+    )
+    check_stream(replace(sound, model={"doppler_max": 9.0, "std_doppler": 0.2}), SENSORS, "r")
+    refused(replace(sound, model={"doppler_max": 0.0}), "model/doppler_max: 0.0 is not positive")
+    refused(replace(sound, model={"doppler_max": -1.0}), "model/doppler_max.*is negative")
+    refused(replace(sound, model={"doppler_max": "9"}), "model/doppler_max: is not a number")
+    refused(replace(sound, model={"std_doppler": [1.0]}), "model/std_doppler: is not a number")
+    silent = stream("range_bearing", {k: rows[k] for k in ("range", "azimuth")})
+    check_stream(replace(silent, model={"doppler_max": 9.0}), SENSORS, "r")

@@ -112,3 +112,38 @@ def test_truth_is_drawn_over_dots():
         truth = [line for line in axes.lines if line.get_label() == "truth"]
         dots = [d.get_zorder() for d in axes.collections]
         assert truth and min(line.get_zorder() for line in truth) > max(dots, default=0)
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "label", "shown"),
+    [
+        ("doppler", [-3.0, 0.0, 2.0], "Doppler [m/s]", [-3.0, 0.0, 2.0]),
+        ("power", [100.0, 10.0, 1.0], "power over the noise [dB]", [20.0, 10.0, 0.0]),
+        ("amplitude", [10.0, 1.0, 0.0], "amplitude [dB]", [20.0, 0.0]),
+        ("rcs", [10.0, 0.1, 1.0], "radar cross-section [dBsm]", [10.0, -10.0, 0.0]),
+    ],
+)
+def test_detections_have_the_colour_of_what_is_known_of_them(column, values, label, shown):
+    """Decibels by hand; a detection without power at all stays grey."""
+    seen = radar([[(1, 0), (2, 0)], [], [(3, 0)]])
+    seen = replace(seen, rows={**seen.rows, column: np.array(values)})
+    figure = plots.figure("scene", Inputs(recordings=(recording({"R": seen}),)))
+    FigureCanvasAgg(figure).draw()
+    bar = next(a for a in figure.axes if a.get_ylabel() == label)
+    for axes in (a for a in figure.axes if a is not bar):
+        coloured = [c for c in axes.collections if c.get_array() is not None]
+        np.testing.assert_allclose(coloured[0].get_array(), shown, atol=1e-9)
+        if column == "doppler":
+            low, high = coloured[0].get_clim()
+            assert low == -high
+
+
+def test_doppler_of_one_radar_beside_another_without(tmp_path):
+    both = {"A": radar([[(1, 0)], [(2, 0)]], "A"), "B": radar([[(5, 0)]], "B")}
+    doppler = {**both["A"].rows, "doppler": np.array([1.0, 2.0])}
+    made = recording(both | {"A": replace(both["A"], rows=doppler)})
+    figure = plots.figure("scene", Inputs(recordings=(made,)))
+    above = next(a for a in figure.axes if a.get_xlabel() == "x [m]")
+    grey, coloured = (c for c in above.collections if len(c.get_offsets()))
+    np.testing.assert_array_equal(grey.get_offsets()[:, 0], [5.0])
+    np.testing.assert_array_equal(coloured.get_offsets()[:, 0], [1.0, 2.0])

@@ -140,7 +140,7 @@ def column(
                 n = int(y * _STEPS)
                 y -= n / _STEPS
                 series = 1 - y * (1 - y / 2 * (1 - y / 3 * (1 - y / 4 * (1 - y / 5))))
-                fresh[m] = peak * _EXP[n] * series
+                fresh[m] = peak * _EXP[n] * series / scene.beyond[m]
             else:
                 fresh[m] = 0.0
     A[0, 1], A[0, 2], A[1, 2] = A[1, 0], A[2, 0], A[2, 1]
@@ -226,7 +226,7 @@ def log_posterior(scene: Scene, state: State, intensity: Array) -> float:
     for l in range(L):
         total -= state.rho[l]
     for m in range(len(state.shot)):
-        total += log(intensity[1] + state.shot[m])
+        total += log(scene.beyond[m] * (intensity[1] + state.shot[m]))
     return total
 
 

@@ -18,6 +18,7 @@ from ..response import (
     DR,
     GAIN,
     INNER,
+    LATE,
     OUTER,
     POSITION_X,
     POSITION_Y,
@@ -58,12 +59,14 @@ def add(
     n, m = i1 - i0, j1 - j0
     if n <= 0 or m <= 0:
         return
-    x, y, heading = target[0], target[1], target[2]
+    x, y, heading = target[0] + station[LATE] * target[5], target[1], target[2]
+    y += station[LATE] * target[6]
     c, s = math.cos(heading), math.sin(heading)
+    size = math.exp(target[4])
     dx, dy = x - station[X], y - station[Y]
     sight = math.atan2(-dy, -dx) - heading
     distance = math.sqrt(dx * dx + dy * dy + station[Z] ** 2)
-    doppler = -station[SPEED] * (dx * target[4] + dy * target[5]) / distance
+    doppler = -station[SPEED] * (dx * target[5] + dy * target[6]) / distance
     bright = sign * station[GAIN] * math.exp(target[3])
     loss, towards, gain = np.empty(m), np.empty(m), np.empty(m)
     for j in range(m):
@@ -77,8 +80,8 @@ def add(
         seen = min(max((body[l, OUTER] - off) / ramp, 0.0), 1.0)
         if seen * body[l, RCS] == 0.0:
             continue
-        px = dx + c * body[l, POSITION_X] - s * body[l, POSITION_Y]
-        py = dy + s * body[l, POSITION_X] + c * body[l, POSITION_Y]
+        px = dx + size * (c * body[l, POSITION_X] - s * body[l, POSITION_Y])
+        py = dy + size * (s * body[l, POSITION_X] + c * body[l, POSITION_Y])
         if station[COS] * px + station[SIN] * py <= 0:
             continue
         r = math.sqrt(px * px + py * py + station[Z] ** 2)
@@ -105,12 +108,14 @@ def strongest(
     column: Array, peak: Array, station: Array, beam: Array, body: Array, target: Array
 ) -> None:
     """Note a target's Doppler bin where it is the strongest; see the definition."""
-    x, y, heading = target[0], target[1], target[2]
+    x, y, heading = target[0] + station[LATE] * target[5], target[1], target[2]
+    y += station[LATE] * target[6]
     c, s = math.cos(heading), math.sin(heading)
+    size = math.exp(target[4])
     dx, dy = x - station[X], y - station[Y]
     sight = math.atan2(-dy, -dx) - heading
     distance = math.sqrt(dx * dx + dy * dy + station[Z] ** 2)
-    doppler = -station[SPEED] * (dx * target[4] + dy * target[5]) / distance
+    doppler = -station[SPEED] * (dx * target[5] + dy * target[6]) / distance
     bright = station[GAIN] * math.exp(target[3])
     found = np.zeros(len(column))
     for l in range(len(body)):
@@ -118,8 +123,8 @@ def strongest(
         off = abs(off - TAU * np.round(off / TAU))
         ramp = max(body[l, OUTER] - body[l, INNER], 1e-12)
         seen = min(max((body[l, OUTER] - off) / ramp, 0.0), 1.0)
-        px = dx + c * body[l, POSITION_X] - s * body[l, POSITION_Y]
-        py = dy + s * body[l, POSITION_X] + c * body[l, POSITION_Y]
+        px = dx + size * (c * body[l, POSITION_X] - s * body[l, POSITION_Y])
+        py = dy + size * (s * body[l, POSITION_X] + c * body[l, POSITION_Y])
         if seen * body[l, RCS] == 0.0 or station[COS] * px + station[SIN] * py <= 0:
             continue
         r = math.sqrt(px * px + py * py + station[Z] ** 2)
@@ -166,8 +171,8 @@ def fit(
     derive: bool,
 ) -> tuple[float, Array, Array]:
     """What a target adds to the log-likelihood, its score and information; see the definition."""
-    total, g, J = 0.0, np.zeros(4), np.zeros((4, 4))
-    d = np.zeros(4)
+    total, g, J = 0.0, np.zeros(5), np.zeros((5, 5))
+    d, K = np.zeros(5), 5 if len(body) > 1 else 4
     whole = np.zeros(4, np.int64)
     for q in range(len(stations)):
         i0, j0 = windows[q, 0], windows[q, 2]
@@ -182,10 +187,10 @@ def fit(
         whole[1], whole[3] = n, m
         T = np.zeros((n, m))
         add(T, 1.0, station, beams[q], column, body, target, whole)
-        changed = np.zeros((4 if derive else 0, n, m))
+        changed = np.zeros((K if derive else 0, n, m))
         if derive:
             x = target.copy()
-            for k in range(4):
+            for k in range(K):
                 x[k] = target[k] + STEP[k]
                 add(changed[k], 1.0, station, beams[q], column, body, x, whole)
                 x[k] = target[k] - STEP[k]
@@ -203,11 +208,11 @@ def fit(
                     a = b = 1.0
                 if derive:
                     score = (D - M) / (M + D / shape)
-                    for k in range(4):
+                    for k in range(K):
                         d[k] = changed[k, i, j] / (2 * STEP[k] * M)
-                    for k in range(4):
+                    for k in range(K):
                         g[k] += d[k] * score
-                        for l in range(4):
+                        for l in range(K):
                             J[k, l] += d[k] * d[l]
             total += shape * math.log(a) - (shape + 1) * math.log(b)
     return total, g, J * (shape / (shape + 2))

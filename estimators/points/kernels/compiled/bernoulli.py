@@ -18,22 +18,23 @@ def group(
     leader = np.full(L, -1)
     r_out, m_out, P_out, visible_out = r.copy(), m.copy(), P.copy(), visible.copy()
     order = np.argsort(-weight, kind="mergesort")
-    near = np.empty(L, np.int64)
+    near, inverse = np.empty(L, np.int64), np.empty((d, d))
     for at in range(L):
         l = order[at]
         if leader[l] >= 0:
             continue
-        inverse = np.linalg.inv(P[l])
-        size = 0
-        for later in range(at, L):
+        leader[l], near[0], size, inverted = l, l, 1, False
+        for later in range(at + 1, L):
             j = order[later]
             if leader[j] >= 0 or track[j] != track[l] or abs(r[j] - r[l]) > existence:
                 continue
+            if not inverted:
+                inverse, inverted = np.linalg.inv(P[l]), True
             d2 = 0.0
             for a in range(d):
                 for b in range(d):
                     d2 += (m[j, a] - m[l, a]) * inverse[a, b] * (m[j, b] - m[l, b])
-            if d2 <= distance or j == l:
+            if d2 <= distance:
                 leader[j] = l
                 near[size] = j
                 size += 1

@@ -18,9 +18,9 @@ def targets(*rows):
     """Rows of class, x, y, heading, existence."""
     rows = np.array(rows, float)
     n = len(rows)
-    m = np.zeros((n, 6))
+    m = np.zeros((n, 7))
     m[:, [0, 1, 4]] = rows[:, 1:4]
-    P = np.tile(np.diag([0.1, 0.1, 1.0, 1.0, 0.1, 0.1]) ** 2, (n, 1, 1))
+    P = np.tile(np.diag([0.1, 0.1, 1.0, 1.0, 0.1, 0.1, 0.1]) ** 2, (n, 1, 1))
     kind, label = rows[:, 0].astype(np.int64), np.arange(n)
     return Targets(m, P, kind, rows[:, 4], 5.0 * (2 * kind - 1), label, np.full(n, 20))
 
@@ -42,7 +42,7 @@ def targets(*rows):
 def test_bodies_do_not_overlap(one, other, free):
     for a, b in ((one, other), (other, one)):
         scene = targets((*a, 5.0))
-        m = np.array([b[1], b[2], 0.0, 0.0, b[3], 0.0])
+        m = np.array([b[1], b[2], 0.0, 0.0, b[3], 0.0, 0.0])
         assert clear(b[0], m, scene, PARAMS) == free
     both = targets((*one, 5.0), (*other, 1.0))
     assert overlapping(both, PARAMS).tolist() == [False, not free]

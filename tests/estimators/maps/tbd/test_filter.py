@@ -59,6 +59,16 @@ def test_all_are_found_with_their_classes(recording):
     assert step.steps["cardinality_mean"][0] == pytest.approx(8, abs=0.1)
 
 
+@pytest.mark.parametrize("eirp", [20.0, 30.0, 50.0])
+def test_places_do_not_depend_on_the_power(eirp):
+    """Within 0.06 m in the mean over scans, pedestrians and vehicles, and no sidelobe is one."""
+    recording = simulated(seed=3, scans=16, eirp=eirp)
+    for k, step in enumerate(run(recording)[10:], 10):
+        state, _, _ = true_at(recording, k)
+        d = np.hypot(*(step.objects.state[:, None, :2] - state[:, :2]).T)
+        assert d.shape == (8, 8) and d.min(1).mean() < 0.06
+
+
 def test_noise_alone_and_maps_of_nothing():
     empty = simulated(scans=3, pedestrians=0, vehicles=0)
     assert [len(s.objects.label) for s in run(empty)] == [0, 0, 0]
@@ -124,3 +134,15 @@ def test_it_is_found_by_its_name_and_needs_a_waveform(recording):
     )
     with pytest.raises(InputError, match="stream S0 at 50000000 ns: map of"):
         run(replace(recording, streams={**recording.streams, "S0": small}))
+
+
+@pytest.mark.parametrize("scale", [0.76, 1.3])
+def test_vehicles_of_another_size_than_stated(scale):
+    """Found as one vehicle each after ten scans, within 0.3 m, and no corner is a pedestrian."""
+    changes = {"vehicle_length": 4.5 * scale, "vehicle_width": 1.8 * scale}
+    recording = simulated(seed=5, scans=16, **changes)
+    for k, step in enumerate(run(recording)[10:], 10):
+        state, kind, _ = true_at(recording, k)
+        d = np.hypot(*(step.objects.state[:, None, :2] - state[:, :2]).T)
+        assert d.shape == (8, 8) and (d.min(1) < 0.3).all()
+        assert (step.objects.class_index[d.argmin(1)] == kind).all()

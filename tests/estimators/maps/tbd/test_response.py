@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from echoset.campaign.scenarios import find
+from echoset.estimators.maps.frames import STAMP
 from echoset.estimators.maps.kernels import response
 from echoset.estimators.maps.kernels.compiled import response as compiled
 from echoset.estimators.maps.tbd.params import Params
@@ -14,7 +15,7 @@ from echoset.models.records import Scan
 from echoset.simulate import jsc, spectral
 
 KINDS = np.array([0, 1])
-TARGETS = np.array([[4.0, -3.0, 0.0, 0.2, 0.5, -0.3], [-6.0, 5.0, 0.7, -0.1, 1.0, 1.2]])
+TARGETS = np.array([[4.0, -3.0, 0.0, 0.2, 0.0, 0.5, -0.3], [-6.0, 5.0, 0.7, -0.1, 0.0, 1.0, 1.2]])
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +36,7 @@ def setup(recording):
 
 @pytest.fixture(scope="module")
 def view(recording, setup):
-    layout = Layout.of(setup, list(recording.streams), Params())
+    layout = Layout.of(setup, list(recording.streams), Params(dynamic_range=200.0))
     return View.of(layout, list(recording.scans()), setup)
 
 
@@ -74,7 +75,8 @@ def test_twins_are_equal(view):
     layout = view.layout
     columns = rng.integers(-1, 2, view.columns.shape).astype(float)
     rest = 1 + rng.exponential(size=view.power.shape)
-    for kind, target in zip(KINDS, TARGETS, strict=True):
+    larger = TARGETS + np.array([0.0, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0])
+    for kind, target in zip((*KINDS, *KINDS), (*TARGETS, *larger), strict=True):
         body = layout.bodies[kind]
         at = windows(layout, *target[:2], 4.0)
         for q in range(2):
@@ -116,7 +118,7 @@ def test_the_score_is_the_derivative(view):
     for kind, target in zip(KINDS.tolist(), TARGETS, strict=True):
         at = windows(view.layout, *target[:2], 4.0)
         _, g, _ = view.fit(rest, kind, target, at, 3.0, True)
-        for k, h in enumerate((1e-4, 1e-4, 1e-4, 1e-4)):
+        for k, h in enumerate((1e-4, 1e-4, 1e-4, 1e-4, 1e-4)):
             up, down = target.copy(), target.copy()
             up[k] += h
             down[k] -= h
@@ -143,7 +145,7 @@ def test_windows_hold_what_is_near(view):
         at = windows(layout, x, y, 2.0)
         for q, scan in enumerate(("S0", "S1")):
             power = np.zeros(view.power.shape[1:])
-            target = np.array([x, y, 0.0, 0.0, 0.0, 0.0])
+            target = np.array([x, y, 0.0, 0.0, 0.0, 0.0, 0.0])
             whole = view.whole[q]
             compiled.add(
                 power, 1.0, layout.stations[q], layout.beams[q], np.zeros(51), layout.bodies[0],
@@ -161,3 +163,44 @@ def test_a_station_without_a_map_says_nothing(view, setup):
     alone = one.gains(np.ones_like(one.power), 3.0)
     both = view.gains(np.ones_like(one.power), 3.0)
     assert (alone != both).any() and np.isfinite(alone).all()
+
+
+def test_a_station_that_takes_its_map_later_sees_targets_further_on(view):
+    """30 ms later a target is where its velocity takes it: the map of one that stands there."""
+    station = view.layout.stations[0].copy()
+    station[response.LATE] = 0.03
+    for kind, target in zip(KINDS, TARGETS, strict=True):
+        moved = target.copy()
+        moved[:2] += 0.03 * target[5:]
+        for module in (response, compiled):
+            outs = [np.zeros(view.power.shape[1:]) for _ in range(2)]
+            notes = [(np.zeros(51), np.zeros(51)) for _ in range(2)]
+            for k, (where, x) in enumerate(((station, target), (view.layout.stations[0], moved))):
+                args = where, view.layout.beams[0]
+                body = view.layout.bodies[kind]
+                module.add(outs[k], 1.0, *args, notes[k][0], body, x, view.whole[0])
+                module.strongest(*notes[k], *args, body, x)
+            np.testing.assert_allclose(*outs, rtol=1e-9)
+            np.testing.assert_allclose(*notes, rtol=1e-9)
+
+
+def test_the_view_knows_when_each_map_was_taken(view, setup, recording):
+    late = next(s for s in recording.scans() if s.stream == "S1")
+    late = Scan("S1", late.time_ns - 20_000_000, {**late.scan, STAMP: late.time_ns}, {})
+    found = View.of(view.layout, [late], setup)
+    assert found.layout.stations[:, response.LATE].tolist() == [0.0, pytest.approx(0.02)]
+
+
+def test_echoes_hide_what_is_far_below_them(recording, setup):
+    """With 25 dB the floor at r is 10^-2.5 of 1 m2 there, or the noise, in maps and their mean."""
+    layout = Layout.of(setup, list(recording.streams), Params(dynamic_range=25.0))
+    r = np.asarray(recording.streams["S0"].model["range_axis"])[1:]
+    reference = recording.streams["S0"].model["reference_echo"]
+    at = float(np.sqrt(np.sqrt(layout.stations[0, response.GAIN] / reference)))
+    expected = np.maximum(reference * (at / np.maximum(r, 1.0)) ** 4 / 10**2.5, 1.0)
+    np.testing.assert_allclose(layout.floor[0, 1:], expected, rtol=1e-9)
+    view = View.of(layout, list(recording.scans()), setup)
+    nothing = view.mean(KINDS[:0], TARGETS[:0])
+    np.testing.assert_allclose(nothing[0, :, 7], layout.floor[0], rtol=1e-12)
+    map_ = recording.streams["S0"].scan["map"][0]
+    np.testing.assert_allclose(view.power[0] - map_, nothing[0] - 1, atol=1e-2)

@@ -14,7 +14,7 @@ from echoset.models.records import Sensor
 
 TURN = 2.5
 FILTERS = pytest.mark.parametrize(
-    ("module", "changes"), [(phd, {}), (mbm, {}), (mbm, {"poisson": True})]
+    ("module", "changes"), [(phd, {}), (mbm, {"poisson": False}), (mbm, {"poisson": True})]
 )
 
 

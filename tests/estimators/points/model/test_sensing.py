@@ -105,19 +105,23 @@ def test_detection_by_mean_or_by_mass():
 
 
 def test_births_at_detections_share_their_rate_by_novelty():
-    where, R = np.arange(8.0).reshape(4, 2), np.tile(2.0 * np.eye(2), (4, 1, 1))
+    where = np.arange(8.0).reshape(4, 2)
+    moments = (
+        np.hstack((where, np.zeros((4, 2)))),
+        np.tile(np.diag([2.0, 2.0, 9.0, 16.0]), (4, 1, 1)),
+    )
     novelty = np.array([0.9, 0.0, 0.3, 0.6])
-    w, m, P = births.at_detections(0.5, where, R, novelty, np.array([3.0, 4.0]), 9)
+    w, m, P = births.at_detections(0.5, *moments, novelty, 9)
     np.testing.assert_allclose(w, [0.25, 0.5 / 6, 0.5 / 3])
     np.testing.assert_array_equal(m[:, :2], where[[0, 2, 3]])
     np.testing.assert_array_equal(P[0], np.diag([2.0, 2.0, 9.0, 16.0]))
-    assert births.at_detections(9.0, where, R, novelty, np.ones(2), 9)[0].tolist() == [
+    assert births.at_detections(9.0, *moments, novelty, 9)[0].tolist() == [
         0.9,
         0.3,
         0.6,
     ]
-    assert births.at_detections(0.5, where, R, novelty, np.ones(2), 1)[1].tolist() == [[0, 1, 0, 0]]
-    assert len(births.at_detections(0.5, where, R, np.zeros(4), np.ones(2), 9)[0]) == 0
+    assert births.at_detections(0.5, *moments, novelty, 1)[1].tolist() == [[0, 1, 0, 0]]
+    assert len(births.at_detections(0.5, *moments, np.zeros(4), 9)[0]) == 0
 
 
 @pytest.mark.parametrize("turned", [False, True])

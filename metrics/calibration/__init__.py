@@ -1,0 +1,1 @@
+"""What sensors are like, from recordings with truth."""
