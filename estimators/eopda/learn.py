@@ -59,7 +59,10 @@ _log = logging.getLogger(__name__)
 
 @dataclass(slots=True, eq=False)
 class _Search:
-    """The best parameters so far, and evidences by what has been tried."""
+    """The best parameters so far, and evidences by what has been tried.
+
+    Ranges of a link come every ``interval`` [s] in the recording, of which ``events`` are a part.
+    """
 
     net: Network
     events: Sequence[Event]
@@ -67,6 +70,7 @@ class _Search:
     told: Params
     seed: int
     best: Params
+    interval: float
     tried: dict[Params, float] = field(default_factory=dict)
     curves: dict[Params, list[float]] = field(default_factory=dict)
 
@@ -142,13 +146,15 @@ def learn(
     wanted = LEARNABLE if "all" in params.learn else params.learn
     seed = int(rng.integers(2**63))
     links = sum(len(event.active.tx) + len(event.differences.tx) for event in events)
+    span = (events[-1].time_ns - events[0].time_ns) * 1e-9
+    interval = span * len(net.sensors) / max(links, 1)
     if links > MOST:
         drawn = np.arange(max(len(events) * MOST // links, 1))
         if all(event.moved is None for event in events):
             # odometry tells how the body moved since the event before, which must not be left out
             drawn = np.sort(rng.choice(len(events), len(drawn), replace=False))
         events = [events[k] for k in drawn.tolist()]
-    search = _Search(net, events, target, params, seed, params)
+    search = _Search(net, events, target, params, seed, params, interval)
     at_first = search.evidence(params)
     if "bias" in wanted:
         spread = NARROW * params.range_bias_spread
@@ -219,9 +225,11 @@ def _stays(search: _Search, best: Params) -> float:
         return best.noise_time
     try:
         steps = search.steps(_set(best, {"noise_time": LONGEST}))
-        return noise_time(*residuals(search.events, steps))
+        stays = noise_time(*residuals(search.events, steps))
     except EstimatorError:
         return 0.0
+    # what a fit that is not perfect leaves is alike in neighbours, too
+    return stays if stays > 2 * search.interval else 0.0
 
 
 def _explain(search: _Search, wanted: Sequence[str]) -> None:
