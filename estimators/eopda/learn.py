@@ -32,8 +32,6 @@ GAIN = 5.0
 """Nats that a change must gain; with these particles they are known to two or three."""
 HOPELESS = 50.0
 """Nats behind the best so far at which a trial is given up."""
-EARLY, TRIES = 0.15, 3
-"""A trial given up within this share of the events begins again, so many times in all."""
 SURE = 20.0
 """Nats by which an offset or a scale must be better for the other to be left out."""
 FINER = (1.4, 1.15)
@@ -61,7 +59,10 @@ _log = logging.getLogger(__name__)
 
 @dataclass(slots=True, eq=False)
 class _Search:
-    """The best parameters so far, and evidences by what has been tried."""
+    """The best parameters so far, and evidences by what has been tried.
+
+    Ranges of a link come every ``interval`` [s] in the recording, of which ``events`` are a part.
+    """
 
     net: Network
     events: Sequence[Event]
@@ -69,6 +70,7 @@ class _Search:
     told: Params
     seed: int
     best: Params
+    interval: float
     tried: dict[Params, float] = field(default_factory=dict)
     curves: dict[Params, list[float]] = field(default_factory=dict)
 
@@ -76,23 +78,17 @@ class _Search:
         """Log-likelihood [nats] of all events.
 
         It is minus infinity where the filter diverges, or falls far behind the best so far on the
-        way, so that what is hopeless costs little. Soon after the start that says little of the
-        parameters: few particles may have started in a mode that they cannot leave. Then the start
-        is tried again.
+        way, so that what is hopeless costs little.
         """
         if params not in self.tried:
-            for seed in range(TRIES):
-                total, curve = self._run(params, self.seed + seed)
-                if total > -np.inf or len(curve) > EARLY * len(self.events):
-                    break
-            self.tried[params], self.curves[params] = total, curve
+            self.tried[params], self.curves[params] = self._run(params)
         return self.tried[params]
 
-    def _run(self, params: Params, seed: int) -> tuple[float, list[float]]:
+    def _run(self, params: Params) -> tuple[float, list[float]]:
         """The evidence, and its sums up to each event or up to where it was given up."""
         ahead, curve, total = self.curves.get(self.best, []), [], 0.0
         try:
-            for k, step in enumerate(self.steps(params, seed)):
+            for k, step in enumerate(self.steps(params)):
                 total += step.evidence
                 curve.append(total)
                 if k < len(ahead) and total < ahead[k] - HOPELESS:
@@ -101,9 +97,9 @@ class _Search:
             return -np.inf, curve
         return total, curve
 
-    def steps(self, params: Params, seed: int) -> Iterator[Step]:
-        """The filter's steps with few particles."""
-        rng = np.random.default_rng(seed)
+    def steps(self, params: Params) -> Iterator[Step]:
+        """The filter's steps with few particles and always the same random numbers."""
+        rng = np.random.default_rng(self.seed)
         few = replace(params, particles=min(PARTICLES, params.particles))
         factor = few.sigma_factor / self.net.sigma_factor
         events = spaced((with_noise(event, factor) for event in self.events), few.noise_time)
@@ -150,13 +146,15 @@ def learn(
     wanted = LEARNABLE if "all" in params.learn else params.learn
     seed = int(rng.integers(2**63))
     links = sum(len(event.active.tx) + len(event.differences.tx) for event in events)
+    span = (events[-1].time_ns - events[0].time_ns) * 1e-9
+    interval = span * len(net.sensors) / max(links, 1)
     if links > MOST:
         drawn = np.arange(max(len(events) * MOST // links, 1))
         if all(event.moved is None for event in events):
             # odometry tells how the body moved since the event before, which must not be left out
             drawn = np.sort(rng.choice(len(events), len(drawn), replace=False))
         events = [events[k] for k in drawn.tolist()]
-    search = _Search(net, events, target, params, seed, params)
+    search = _Search(net, events, target, params, seed, params, interval)
     at_first = search.evidence(params)
     if "bias" in wanted:
         spread = NARROW * params.range_bias_spread
@@ -226,10 +224,12 @@ def _stays(search: _Search, best: Params) -> float:
     if "noise_time" not in type(best).__dataclass_fields__ or best.noise_time > 0:
         return best.noise_time
     try:
-        steps = search.steps(_set(best, {"noise_time": LONGEST}), search.seed)
-        return noise_time(*residuals(search.events, steps))
+        steps = search.steps(_set(best, {"noise_time": LONGEST}))
+        stays = noise_time(*residuals(search.events, steps))
     except EstimatorError:
         return 0.0
+    # what a fit that is not perfect leaves is alike in neighbours, too
+    return stays if stays > 2 * search.interval else 0.0
 
 
 def _explain(search: _Search, wanted: Sequence[str]) -> None:

@@ -105,7 +105,8 @@ def network(
     if device is None and len(devices) > 1:
         raise InputError(
             f"{setup.meta.name}: has {len(devices)} devices, choose one of "
-            f"{' '.join(devices)} by --set device=..."
+            f"{' '.join(devices)} by --set device=..., or locate a body that carries them: "
+            "range-ls with 'tags'"
         )
     tracked = device or (devices[0] if devices else None)
     rank = {node: j for j, node in enumerate(anchors)}
