@@ -42,12 +42,6 @@ WIDE = 3
 """Times as many device positions are tried where the device has been hidden."""
 FEW = 0.01
 """Share of effective particles below which a device without object is proposed from its ranges."""
-SETTLES, SETTLING = 1.0, (0.1, 0.5)
-"""Time [s] after a start in which the offset walks at least by so much [m, rad] per 0.1 s.
-
-The first ranges leave several places to the device on its object. A cloud has few particles in
-each, and those that go by chance do not come back where a device is known to hardly walk.
-"""
 LEAST_ODDS = 0.01
 """A probability of having been lost that is less than this is taken for none."""
 
@@ -164,8 +158,7 @@ def track(
     """
     state: State | None = None
     window: list[Event] = []
-    doubt, before, last, begun = Doubt(), first, 0, 0
-    unsettled = _settling(params)
+    doubt, before, last = Doubt(), first, 0
     for event in events:
         dt = (event.time_ns - last) * 1e-9
         if state is not None and widens(dt, params) > PAUSE:
@@ -181,7 +174,6 @@ def track(
                     steps = _begin(window, target, params, before, rng)
                 yield from steps
                 state, last = steps[-1].state, window[-1].time_ns
-                begun = last
                 doubt = Doubt(since=window[0].time_ns - 1)
                 if window[-1] is event:
                     window = []
@@ -191,8 +183,7 @@ def track(
                 if widens(dt, params) > PAUSE:
                     before, state, window = remembered(state, dt, first, params), None, [event]
                     continue
-            own = unsettled if event.time_ns - begun <= SETTLES * 1e9 else params
-            step, less = _step(state, event, dt, target, own, first, rng)
+            step, less = _step(state, event, dt, target, params, first, rng)
             doubt = doubt.after(event, step.evidence, less)
             if doubt.is_alarm:
                 fresh, odds = search(doubt, target, params, first, rng)
@@ -207,16 +198,6 @@ def track(
             raise EstimatorError(f"{name}: at {event.time_ns * 1e-9:g} s: {error}") from None
     if window:
         yield from _begin(window, target, params, before, rng)
-
-
-def _settling(params: Params) -> Params:
-    """Parameters soon after a start, with walks by which a device finds its place on the object."""
-    length, angle = SETTLING
-    return replace(
-        params,
-        bias_distance_std=max(params.bias_distance_std, length),
-        bias_angle_std=max(params.bias_angle_std, angle),
-    )
 
 
 def _begin(
