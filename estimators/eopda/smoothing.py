@@ -38,6 +38,8 @@ DRAWS = 600
 """Draws by which a smoothed Gaussian is shown; their moments are its own."""
 TINY = 1e-12
 """Variance that is added where one may be zero."""
+SURPRISE, FORGETS = 30.0, 2.0
+"""Squared deviation of four variables, and factor of a variance, which are too much."""
 NEGLIGIBLE = 1e-6
 """Probability of an image that is left out."""
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
@@ -119,8 +121,12 @@ def back(
     later: Carried | None, now: Record, target: Target, params: Params, first: Belief
 ) -> Carried:
     """What is known of a time, given what is known of the next; None: there is none."""
-    lost = None if later is None else later.now.lost
-    if later is None or (lost is not None and now.time_ns <= lost):
+    if later is None:
+        return Carried(now, now)
+    lost = later.now.lost
+    if lost is not None and _agree(now, later.now, target, params, len(first.mean)):
+        lost = None
+    if lost is not None and now.time_ns <= lost:
         # where it was found knows nothing of where it had been
         return Carried(now, now)
     if lost is not None:
@@ -138,6 +144,28 @@ def back(
         return Carried(replace(now, w=end.w, m=end.m @ A.T, P=P), end)
     own = _one_step(now, later.now, target, params, len(first.mean))
     return Carried(own, own)
+
+
+def _agree(now: Record, later: Record, target: Target, params: Params, errors: int) -> bool:
+    """Whether a record tells of one device with that of the next, where it was sought anew.
+
+    The motion is within ``SURPRISE``, and nothing that was known has been forgotten.
+    """
+    (m, P), (n, V) = _moments(now), _moments(later)
+    rows = 7 + len(target.extent)
+    headed, dt = len(m) > rows + errors, (later.time_ns - now.time_ns) * 1e-9
+    ahead, A, Q = transition(m, P, dt, rows, headed, later.moved, target, params)
+    S = A @ P @ A.T + Q + TINY * np.eye(len(m))
+    e = (n - ahead)[:4]
+    far = e @ np.linalg.solve((S + V)[:4, :4], e)
+    return bool(far < SURPRISE and (np.diag(V) < FORGETS * np.diag(S)).all())
+
+
+def _moments(x: Record) -> tuple[Array, Array]:
+    """Mean (d,) and covariance (d, d) of all images."""
+    m = x.w @ x.m
+    d = x.m - m
+    return m, np.tensordot(x.w, x.P, 1) + (x.w * d.T) @ d
 
 
 def _one_step(now: Record, later: Record, target: Target, params: Params, errors: int) -> Record:
