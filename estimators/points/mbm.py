@@ -103,7 +103,8 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
     x, n = state.mixture, max(len(seen.z) for seen in used)
     memory = remember(state.memory, moment, n, label, m[:, :2], x.label)
     state = replace(state, memory=memory, cut={**state.cut, **cut})
-    return state, Epoch(together[0].time_ns, x, gone.F, gone.Q)
+    survive = params.p_survive**gone.steps
+    return state, Epoch(together[0].time_ns, x, gone.F, gone.Q, survive)
 
 
 def estimate(
@@ -134,7 +135,7 @@ def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimate
     classes: dict[int, Array] = {}
 
     def forward() -> Iterator[tuple[Estimates, Epoch]]:
-        for state, epoch in through(context, scans, init(), step):
+        for state, epoch in through(context, scans, init(params.width), step):
             if params.min_travel:
                 moved.update(_moved(state.mixture, set(), params))
             classes.update(state.memory.classes)
@@ -166,7 +167,7 @@ def _lagging(context: Context[Params], scans: Iterable[Scan], lag: float) -> Ite
         objects = context.source.named(objects, state.memory.classes)
         return Estimates(context.setup.meta, objects, numbers.popleft())
 
-    for state, epoch in through(context, scans, init(), step):
+    for state, epoch in through(context, scans, init(params.width), step):
         epochs.append(epoch)
         moved = _moved(state.mixture, moved, params, epochs)
         numbers.append(_counted(state, context))
@@ -279,5 +280,12 @@ def _listed(time_ns: int, label: Array, r: Array, m: Array, P: Array) -> Objects
     """Objects of one time."""
     offset = np.array([0, len(label)], np.int64)
     return Objects(
-        np.array([time_ns], np.int64), offset, label, NAMES, UNITS, m, covariance=P, existence=r
+        np.array([time_ns], np.int64),
+        offset,
+        label,
+        NAMES[: m.shape[1]],
+        UNITS[: m.shape[1]],
+        m,
+        covariance=P,
+        existence=r,
     )

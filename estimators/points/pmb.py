@@ -80,7 +80,18 @@ def forward(context: Context[Params], scans: Iterable[Scan]) -> Iterator[tuple[E
         estimates = Estimates(context.setup.meta, found, said)
         yield (
             estimates,
-            Trail(time_ns, a.label, a.r, a.m, a.P, gone.F, gone.Q, classes, state.way),
+            Trail(
+                time_ns,
+                a.label,
+                a.r,
+                a.m,
+                a.P,
+                gone.F,
+                gone.Q,
+                params.p_survive**gone.steps,
+                classes,
+                state.way,
+            ),
         )
 
 
@@ -102,8 +113,8 @@ def objects(time_ns: int, tracks: Tracks) -> Objects:
         np.array([time_ns], np.int64),
         np.array([0, len(tracks)], np.int64),
         tracks.label,
-        NAMES,
-        UNITS,
+        NAMES[: tracks.m.shape[1]],
+        UNITS[: tracks.m.shape[1]],
         tracks.m,
         covariance=tracks.P,
         existence=tracks.r,
