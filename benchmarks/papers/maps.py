@@ -40,6 +40,8 @@ PRESETS = "templates", "tuned"
 PARTS = "tbd", *PRESETS
 SHOWN, TRIED, STREETS = 3, 6, 10
 """Runs in pictures, those that they are chosen from, and runs of the street."""
+THINNED = 9
+"""Of so many places one is drawn."""
 STREET: Mapping[str, Any] = {
     "area": (-60.0, 60.0, -12.0, 12.0),
     "stations": (
@@ -215,6 +217,7 @@ def _draw_tracks(runs: Sequence[tuple[tuple[float, float, list[Array]], int]], p
         figure = Figure(figsize=(18 * style.CM, 13 * style.CM), layout="constrained")
         axes = figure.subplots(2, len(runs), sharex=True, sharey=True)
         for column, ((*errors, points), seed) in zip(axes.T, runs, strict=True):
+            points = [found[::THINNED] for found in points]
             truth = points[0]
             rows = zip(column, ("mbm, tuned", "tbd"), errors, points[1:], strict=True)
             for a, name, error, found in rows:
