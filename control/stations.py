@@ -91,15 +91,25 @@ def estimate(
     return _named(recording, condition, steps)
 
 
-def before_detection(recording: Recording, stations: int) -> Steps:
-    """Estimates step by step by track-before-detect, with the first so many stations."""
-    setup = recording.setup()
-    layers = sensor_model(recording, tbd.Params), (("stations", {"stations": stations}),)
-    params = resolve(tbd.Params, *layers[0], *layers[1])
+def before_detection(recording: Recording, stations: int, smooth: str = "none") -> Steps:
+    """Estimates step by step by track-before-detect, with the first so many stations.
+
+    Called ``tbd 3``, smoothed ``tbd smooth 3``.
+    """
+    setup, given = recording.setup(), {"stations": stations, "smooth": smooth}
+    params = resolve(tbd.Params, *sensor_model(recording, tbd.Params), ("here", given))
     rng = generator(1, "estimate:tbd", recording.meta.name)
-    provenance = {"estimator": f"tbd {stations}", "parameters": as_dict(params)}
+    name = f"tbd {stations}" if smooth == "none" else f"tbd smooth {stations}"
+    provenance = {"estimator": name, "parameters": as_dict(params)}
     meta = Meta(recording.meta.name, provenance=provenance)
     return [replace(s, meta=meta) for s in tbd.estimate(setup, recording.scans(), params, rng)]
+
+
+def alone(recording: Recording, condition: Condition) -> Steps:
+    """Estimates step by step under a condition that shares its maps with no other."""
+    module, params = FILTERS[condition.filter], condition.params(recording)
+    context = module.context(recording.setup(), params)
+    return _named(recording, condition, module.run(context, recording.scans()))
 
 
 def without(recording: Recording, condition: Condition, soft: Soft, part: str) -> Steps:

@@ -11,11 +11,11 @@ from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from . import control, crowds, extended, stations, uwb
+from . import control, crowds, extended, maps, stations, uwb
 from .pieces import Paper, complete
 
 PAPERS: dict[str, Paper] = {
-    paper.NAME: paper for paper in (uwb, control, extended, stations, crowds)
+    paper.NAME: paper for paper in (uwb, control, extended, stations, maps, crowds)
 }
 KEPT = Path("build/pieces")
 

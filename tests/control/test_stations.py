@@ -80,3 +80,13 @@ def test_track_before_detect_is_what_the_command_does(recording):
     np.testing.assert_array_equal(mine.objects.state, theirs.objects.state)
     assert mine.meta.provenance["estimator"] == "tbd 3"
     assert error(mine, recording) < 0.5
+    later = joined(stations.before_detection(recording, 3, "whole"))
+    assert later.meta.provenance["estimator"] == "tbd smooth 3"
+    assert error(later, recording) < 0.5
+
+
+def test_templates_are_what_the_command_does(recording):
+    mine = joined(stations.alone(recording, Condition("mbm", "templates", "adaptive", 3)))
+    theirs = echoset.estimate(recording, "mbm", stations=3)
+    np.testing.assert_array_equal(mine.objects.state, theirs.objects.state)
+    assert mine.meta.provenance["estimator"] == "mbm templates adaptive 3"
