@@ -101,7 +101,7 @@ def loop(params: Params, world: scene.World) -> Iterator[Step]:
         rows = scene.detections(params, world, k, view)
         offset = np.array([0, len(rows["range"])])
         seen = _stream(params, np.array([time_ns]), offset, [view], rows)
-        state, estimates = phd.step(state, seen.scans("radar"), context)
+        state, (estimates, _) = phd.step(state, seen.scans("radar"), context)
         mean, variance = (
             np.array([estimates.steps[f"region_{what}_{name}"][0] for name in params.names()])
             for what in ("mean", "variance")

@@ -103,7 +103,8 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
     x, n = state.mixture, max(len(seen.z) for seen in used)
     memory = remember(state.memory, moment, n, label, m[:, :2], x.label)
     state = replace(state, memory=memory, cut={**state.cut, **cut})
-    return state, Epoch(together[0].time_ns, x, gone.F, gone.Q)
+    survive = params.p_survive**gone.steps
+    return state, Epoch(together[0].time_ns, x, gone.F, gone.Q, survive)
 
 
 def estimate(

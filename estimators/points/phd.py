@@ -3,30 +3,34 @@
 B.-N. Vo and W.-K. Ma, "The Gaussian mixture probability hypothesis density filter", IEEE Trans.
 Signal Process. 54 (2006) 4091-4104: the intensity of targets is a mixture of components; each is
 predicted, updated by being missed and by every detection, and the sum is pruned, merged and capped.
-A component keeps the label of the birth that it goes back to.
+A component keeps the label of the birth that it goes back to. Smoothed by :mod:`.strands`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from ...models.errors import EstimatorError
-from ...models.geometry.regions import statistics
+from ...models.geometry.regions import mass, statistics
 from ...models.records import Array, Estimates, Objects, Recording, Scan
+from ..kernels.passes import smoothed
 from .context import Context
 from .kernels.gaussians import strongest
 from .model.sensing import at_once
 from .model.targets import NAMES, UNITS, born
 from .phd_filter import Params, State, extract, init, predict, reduce
 from .phd_update import Posterior, update
+from .strands import Strands, back
 from .times import observe, remember, through
 
 
-def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple[State, Estimates]:
-    """The state after the ``scans`` of one time, in any order, and what it says.
+def step(
+    state: State, scans: Iterable[Scan], context: Context[Params]
+) -> tuple[State, tuple[Estimates, Strands]]:
+    """The state after the ``scans`` of one time, in any order, what it says, and how it came there.
 
     A source follows the targets that were extracted before.
 
@@ -57,13 +61,21 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
     numbers["components"] = np.array([len(mixture.w)])
     numbers["cut"] = np.array([lost + unborn])
     objects = source.named(objects, memory.classes)
-    return replace(state, memory=memory), Estimates(context.setup.meta, objects, numbers)
+    x, survive = state.mixture, params.p_survive**gone.steps
+    strands = Strands(
+        together[0].time_ns, x.label, x.origin, x.w, x.m, x.P, gone.F, gone.Q, survive,
+        memory.classes,
+    )  # fmt: skip
+    found = Estimates(context.setup.meta, objects, numbers)
+    return replace(state, memory=memory), (found, strands)
 
 
 def estimate(
     setup: Recording, scans: Iterable[Scan], params: Params, rng: np.random.Generator
 ) -> Iterator[Estimates]:
-    """Yield the targets after each time, and their expected number in all and in the regions.
+    """Yield the targets at each time, and their expected number in all and in the regions.
+
+    Smoothed, these are of the targets that the filter has ever known.
 
     Raises
     ------
@@ -75,7 +87,37 @@ def estimate(
 
 def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
     """:func:`estimate` in a context of the caller's."""
-    return (estimates for _, estimates in through(context, scans, init(context.params.width), step))
+    forward = (found for _, found in through(context, scans, init(context.params.width), step))
+    found = smoothed(forward, _backward(context), context.params.wait)
+    return found if context.params.wait is None else (_shown(x, context) for x in found)
+
+
+def _backward(
+    context: Context[Params],
+) -> Callable[[Strands | None, Strands], tuple[Strands, Objects]]:
+    """The way back from time to time, with all that may exist."""
+
+    def step(later: Strands | None, now: Strands) -> tuple[Strands, Objects]:
+        x = back(later, now)
+        found = _listed(x.time_ns, x.label, x.m, x.P, x.r)
+        return x, context.source.named(found, x.classes)
+
+    return step
+
+
+def _shown(found: Estimates, context: Context[Params]) -> Estimates:
+    """Of all lines of a time those that exist, and the numbers of all."""
+    x = found.objects
+    r = x.existence
+    assert r is not None and x.covariance is not None
+    numbers = {"cardinality_mean": r.sum(), "cardinality_variance": (r * (1 - r)).sum()}
+    for name, corners in context.regions.items():
+        inside = r * mass(x.state[:, :2], x.covariance[:, :2, :2], corners)
+        numbers[f"region_mean_{name}"] = inside.sum()
+        numbers[f"region_variance_{name}"] = (inside * (1 - inside)).sum()
+    steps = {**found.steps, **{name: np.array([value]) for name, value in numbers.items()}}
+    rows = np.flatnonzero(r >= context.params.extract_smoothed)
+    return replace(found, objects=x.take(rows, x.time_ns, np.array([len(rows)])), steps=steps)
 
 
 def _numbers(posterior: Posterior, regions: Mapping[str, Array]) -> dict[str, Array]:
@@ -119,16 +161,23 @@ def _objects(state: State, params: Params) -> tuple[State, Objects]:
     shown = label[row]
     copy = np.concatenate(([False], row[1:] == row[:-1])) if len(row) else np.zeros(0, bool)
     shown[copy] = free + np.arange(copy.sum())
-    objects = Objects(
-        np.array([state.time_ns], np.int64),
-        np.array([0, len(row)], np.int64),
-        shown,
-        NAMES[: x.m.shape[1]],
-        UNITS[: x.m.shape[1]],
-        x.m[row],
-        covariance=x.P[row],
-        existence=np.minimum(x.w[row], 1.0),
-    )
+    assert state.time_ns is not None
+    objects = _listed(state.time_ns, shown, x.m[row], x.P[row], np.minimum(x.w[row], 1.0))
     return replace(
         state, mixture=replace(x, label=label), next_label=free + int(copy.sum())
     ), objects
+
+
+def _listed(time_ns: int, label: Array, m: Array, P: Array, r: Array) -> Objects:
+    """Objects of one time."""
+    offset, width = np.array([0, len(label)], np.int64), m.shape[1]
+    return Objects(
+        np.array([time_ns], np.int64),
+        offset,
+        label,
+        NAMES[:width],
+        UNITS[:width],
+        m,
+        covariance=P,
+        existence=r,
+    )

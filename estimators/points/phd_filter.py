@@ -18,6 +18,7 @@ from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .model.targets import Interval, TargetParams, elapse, limit, newborn
 from .times import Memory
+from .trails import TrailParams
 
 CROWD = 5000
 """Updated components that are looked at."""
@@ -25,7 +26,7 @@ CROWD = 5000
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(FilterParams):
+class Params(TrailParams, FilterParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     TITLE = "mixture"
@@ -74,19 +75,27 @@ class Params(FilterParams):
         500, "1", "the strongest so many components of it", within="[1, inf)"
     )
 
+    def __post_init__(self) -> None:
+        FilterParams.__post_init__(self)
+        TrailParams.__post_init__(self)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mixture:
-    """Intensity of targets: weights w (J,), means m (J, 4), covariances P (J, 4, 4), label (J,)."""
+    """Intensity of targets: weights w (J,), means m (J, 4), covariances P (J, 4, 4), label (J,).
+
+    ``origin`` (J,) is the component that each was after the scans before, -1 for a new one.
+    """
 
     w: Array
     m: Array
     P: Array
     label: Array
+    origin: Array
 
     def take(self, index: Array) -> Mixture:
         """The components ``index``."""
-        return Mixture(self.w[index], self.m[index], self.P[index], self.label[index])
+        return Mixture(*(getattr(self, name)[index] for name in Mixture.__slots__))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,8 +117,8 @@ class State:
 
 def init(width: int = 4) -> State:
     """Nothing is known of targets whose state has so many entries."""
-    none = births.none(width)
-    return State(Mixture(*none, np.zeros(0, np.int64)), none, 0, None)
+    nothing, none = births.none(width), np.zeros(0, np.int64)
+    return State(Mixture(*nothing, none, none), nothing, 0, None)
 
 
 def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Array, Interval]:
@@ -132,10 +141,12 @@ def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Ar
     w, m, P = births.join((w[known], m[known], P[known]), new)
     first = state.next_label + len(label) - len(old.w)
     label = np.concatenate((label[known], first + np.arange(len(new[0]))))
+    origin = np.where(is_new, -1, np.arange(len(is_new)))[known]
+    origin = np.concatenate((origin, np.full(len(new[0]), -1)))
     is_new = np.concatenate((is_new[known], np.ones(len(new[0]), bool)))
     predicted = replace(
         state,
-        mixture=Mixture(w, m, P, label),
+        mixture=Mixture(w, m, P, label, origin),
         waiting=births.none(params.width),
         next_label=first + len(new[0]),
         time_ns=time_ns,
@@ -160,7 +171,7 @@ def reduce(mixture: Mixture, params: Params, detections: int = 0) -> tuple[Mixtu
         w = np.minimum(w, 1.0)
     kept = strongest(w, m, 0.0, cap)
     cut += w.sum() - w[kept].sum()
-    return Mixture(w, m, P, x.label[leader]).take(kept), max(float(cut), 0.0)
+    return Mixture(w, m, P, x.label[leader], x.origin[leader]).take(kept), max(float(cut), 0.0)
 
 
 def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:

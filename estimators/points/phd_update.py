@@ -138,6 +138,7 @@ def _corrected(
         np.concatenate((m_missed[kept], m_new)),
         np.concatenate((P_missed[kept], P_new)),
         x.label[source],
+        x.origin[source],
     )
     of = np.concatenate((target[kept], np.where(free[j], T + i, target[j])))
     q, left_over = np.concatenate((q, begun)), float(missed[free].sum())

@@ -80,7 +80,18 @@ def forward(context: Context[Params], scans: Iterable[Scan]) -> Iterator[tuple[E
         estimates = Estimates(context.setup.meta, found, said)
         yield (
             estimates,
-            Trail(time_ns, a.label, a.r, a.m, a.P, gone.F, gone.Q, classes, state.way),
+            Trail(
+                time_ns,
+                a.label,
+                a.r,
+                a.m,
+                a.P,
+                gone.F,
+                gone.Q,
+                params.p_survive**gone.steps,
+                classes,
+                state.way,
+            ),
         )
 
 

@@ -1,9 +1,9 @@
 """Smoothing of labelled Bernoullis along their trails: means and covariances, existence, classes.
 
 The moments by H. E. Rauch, F. Tung and C. T. Striebel, "Maximum likelihood estimates of linear
-dynamic systems", AIAA Journal 3 (1965) 1445-1450. That a target exists at a time is at least as
-probable as that it exists at any later one: it appears once. So a trail reaches back to the first
-detection that began it, and ends where existence falls for good.
+dynamic systems", AIAA Journal 3 (1965) 1445-1450; existence is that of a Markov chain, in which a
+target appears once: one that is there later was there. So a trail reaches back to the first
+detection that began it, and ends about where its last one is.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from ...models.parameters import parameter
 from ...models.records import Array
 from ..kernels.passes import SmoothParams
-from .kernels.smoothing import rts
+from .kernels.smoothing import existed, rts
 from .modes import Way
 from .source import Classes
 
@@ -29,10 +29,9 @@ class TrailParams(SmoothParams):
     TITLE = "smoothing"
 
     extract_smoothed: float = parameter(
-        0.95,
+        0.7,
         "1",
-        "smoothed: least existence, then or later, of what is extracted; more than for a filter, "
-        "since it is the largest of many",
+        "smoothed: least existence, given all that comes, of what is extracted",
         within="[0, 1)",
     )
 
@@ -41,8 +40,9 @@ class TrailParams(SmoothParams):
 class Trail:
     """T Bernoullis at ``time_ns`` by label (T,), rising: r (T,), m (T, dx), P (T, dx, dx).
 
-    F and Q (dx, dx) are the motion from the time before, or ``way`` of those that manoeuvre;
-    ``classes`` are those of targets that are known then or later.
+    F and Q (dx, dx) are the motion from the time before, or ``way`` of those that manoeuvre, from
+    where targets ``survive`` with that probability; ``classes`` are those of targets that are known
+    then or later.
     """
 
     time_ns: int
@@ -52,6 +52,7 @@ class Trail:
     P: Array
     F: Array
     Q: Array
+    survive: float
     classes: Classes = field(default_factory=dict)
     way: Way | None = None
 
@@ -63,8 +64,9 @@ def back(later: Trail | None, now: Trail) -> Trail:
     at = np.searchsorted(later.label, now.label)
     known = np.append(later.label, -1)[at] == now.label
     here, there = np.flatnonzero(known), at[known]
-    r, m, P = now.r.copy(), now.m.copy(), now.P.copy()
-    r[here] = np.maximum(r[here], later.r[there])
+    r, m, P = np.zeros(len(now.r)), now.m.copy(), now.P.copy()
+    r[here] = later.r[there]
+    r = existed(now.r, r, later.survive)
     ahead = later.m[there], later.P[there]
     if later.way is None:
         m[here], P[here] = rts(m[here], P[here], *ahead, later.F, later.Q)

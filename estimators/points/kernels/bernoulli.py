@@ -66,8 +66,8 @@ class Mixture:
     in a ``group`` (T,). The hypotheses of a group have weights w (G, C) that add up to 1, falling
     once pruned, 0 beyond the last, and ``table`` (G, T) has the index in ``local`` that they pick
     of each track, -1 for none. A global hypothesis picks one of each group: the first row is the
-    best. ``parent`` (G, C0) says of each of the C0 groups after the scans before which of its
-    hypotheses stands in those of ``heir`` (C0,), the group that it is in now, -1 for none.
+    best. ``parent`` (G, n) says which hypothesis of the group ``came`` (n,) after the scans before
+    stands in those of ``heir`` (n,), a group that it, or a part of it, is in now.
     """
 
     local: Bernoullis
@@ -77,6 +77,7 @@ class Mixture:
     table: Array
     group: Array
     parent: Array
+    came: Array
     heir: Array
 
     @staticmethod
@@ -85,7 +86,7 @@ class Mixture:
         G, one = len(w), np.zeros(1, np.int64)
         parent = np.arange(G)[:, None]
         group = np.zeros(len(label), np.int64)
-        return Mixture(local, label, start, w[:, None], table, group, parent, one)
+        return Mixture(local, label, start, w[:, None], table, group, parent, one, one)
 
     def existence(self) -> Array:
         """Existence (G, T) of every track in every hypothesis, 0 where absent."""
@@ -106,31 +107,32 @@ class Mixture:
 
         Tracks then are in ``group`` (T,), what a group was before is found ``into`` (C,) another.
         """
-        before = np.where(self.heir >= 0, self.heir, len(into))
-        known = np.column_stack((row, np.full(len(row), -1)))
         return replace(
             self,
             w=w,
             table=groups.taken(self.table, row, self.group, -1),
             group=group,
-            parent=groups.taken(self.parent, known, before, 0),
-            heir=np.append(into, -1)[before],
+            parent=groups.taken(self.parent, row, self.heir, 0),
+            heir=into[self.heir],
         )
 
     def regrouped(self, group: Array, old: Array) -> Mixture:
-        """The tracks in other groups (T,), each with the hypotheses of the ``old`` (C',) one.
-
-        What a group was before is asked of the part of it that comes first.
-        """
-        came, part = np.unique(old, return_index=True)
-        into = np.full(self.w.shape[1] + 1, -1)
-        into[came] = part
-        return replace(self, w=self.w[:, old], group=group, heir=into[self.heir])
+        """The tracks in other groups (T,), each with the hypotheses of the ``old`` (C',) one."""
+        link, part = np.nonzero(self.heir[:, None] == old)
+        return replace(
+            self,
+            w=self.w[:, old],
+            group=group,
+            parent=self.parent[:, link],
+            came=self.came[link],
+            heir=part,
+        )
 
     def restarted(self) -> Mixture:
         """The same as what comes after it sees it."""
         G, C = self.w.shape
-        return replace(self, parent=np.tile(np.arange(G)[:, None], (1, C)), heir=np.arange(C))
+        every = np.arange(C)
+        return replace(self, parent=np.tile(np.arange(G)[:, None], (1, C)), came=every, heir=every)
 
 
 def nothing(dx: int) -> Mixture:

@@ -2,7 +2,7 @@
 
 The hypothesis is the one that is best at the end, followed back from time to time to what it was
 before: so are tracks that died in it, from the last time that it had them. Moments by
-:func:`.smoothing.rts`; existence is the largest then or later. Before its first detection a track
+:func:`.smoothing.rts`, existence by :func:`.smoothing.existed`. Before its first detection a track
 is followed straight back.
 """
 
@@ -14,7 +14,8 @@ import numpy as np
 
 from ....models.motion import backwards
 from ....models.records import Array
-from .smoothing import Epoch, rts
+from .bernoulli import Mixture
+from .smoothing import Epoch, existed, rts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,12 +43,14 @@ def back(later: Paths | None, now: Epoch, retrodict: float) -> Paths:
     Tracks that began at most ``retrodict`` [s] later are followed straight back.
     """
     x = now.mixture
-    row = np.zeros(x.w.shape[1], np.int64) if later is None else _before(later)
+    row = np.zeros(x.w.shape[1], np.int64)
+    row = row if later is None else _before(later, x)
     picked = x.table[row[x.group], np.arange(len(x.label))]
     carried = np.zeros(0, np.int64) if later is None else later.label
     new = (picked >= 0) & ~np.isin(x.label, carried)
     a = x.local.take(picked[new])
-    ends = x.label[new], a.origin, np.zeros(len(a)), a.r, a.m, a.P
+    r = a.r if later is None else existed(a.r, np.zeros(len(a)), later.epoch.survive)
+    ends = x.label[new], a.origin, np.zeros(len(a)), r, a.m, a.P
     if later is None:
         return Paths(now, row, *ends)
     both = zip(ends, _followed(later, now, retrodict), strict=True)
@@ -55,14 +58,22 @@ def back(later: Paths | None, now: Epoch, retrodict: float) -> Paths:
     return Paths(now, row, label, origin, age, r, m, P)
 
 
-def _before(later: Paths) -> Array:
-    """The hypothesis (C0,) of each group before, the best of those that nothing has come of."""
-    y = later.epoch.mixture
-    known = y.heir >= 0
-    here = np.where(known, y.heir, 0)
-    if not len(later.row):
-        return np.zeros(len(y.heir), np.int64)
-    return np.where(known, y.parent[later.row[here], np.arange(len(y.heir))], 0)
+def _before(later: Paths, x: Mixture) -> Array:
+    """The hypotheses (C,) of the groups of ``x`` that have become those of ``later``.
+
+    Of those that the parts of a group have come of it is that of the part in which most is there
+    later, or if nothing is the likeliest then; and the same for all, so that what it excludes stays
+    excluded. It is the best of a group that nothing has come of.
+    """
+    y, row = later.epoch.mixture, np.zeros(x.w.shape[1], np.int64)
+    here = np.isin(later.label, y.label)
+    order = np.argsort(y.label, kind="stable")
+    at = order[np.searchsorted(y.label, later.label[here], sorter=order)]
+    there = np.bincount(y.group[at], later.r[here], y.w.shape[1])[y.heir]
+    part = y.parent[later.row[y.heir], np.arange(len(y.heir))]
+    last = np.lexsort((part, -np.where(there > 0.5, there, 0.0)))[::-1]
+    row[y.came[last]] = part[last]
+    return row
 
 
 def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
@@ -77,7 +88,7 @@ def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
     here = np.flatnonzero(before >= 0)
     a = now.mixture.local.take(before[here])
     m_out[here], P_out[here] = rts(a.m, a.P, m[here], P[here], F, Q)
-    r[here] = np.maximum(r[here], a.r)
+    r[here] = existed(a.r, r[here], later.epoch.survive)
     origin = np.full(len(kept), -1)
     origin[here] = a.origin
     return later.label[kept], origin, age, r, m_out, (P_out + P_out.swapaxes(1, 2)) / 2

@@ -18,12 +18,16 @@ from .bernoulli import Mixture
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Epoch:
-    """The mixture after the scans at ``time_ns``, how it came there: F, noise Q (dx, dx)."""
+    """The mixture after the scans at ``time_ns``, how it came there: F, noise Q (dx, dx).
+
+    Targets of the time before ``survive`` until then with that probability.
+    """
 
     time_ns: int
     mixture: Mixture
     F: Array
     Q: Array
+    survive: float
 
 
 def ended(epochs: Sequence[Epoch], alive: Array) -> dict[int, list[tuple[int, int]]]:
@@ -71,6 +75,17 @@ def smooth(epochs: Sequence[Epoch], index: Array) -> tuple[Array, Array, Array, 
         r[here] = np.maximum(r[here], a.r)
         begin[here] = now.time_ns
     return (epochs[0].time_ns - begin) / 1e9, r, m, P
+
+
+def existed(r: Array, later: Array, survive: float) -> Array:
+    """Existence (k,) at a time, r by what came until then, given that of a step ``later``.
+
+    A target that is there later was there; one that is not may have died in between, which it does
+    not with ``survive``. It is the smoother of the Markov chain of existence.
+    """
+    gone = 1 - r * survive
+    died = np.divide(r * (1 - survive), gone, out=np.zeros(len(r)), where=gone > 0)
+    return np.asarray(later + (1 - later) * died)
 
 
 def rts(

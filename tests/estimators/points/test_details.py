@@ -75,7 +75,7 @@ def test_as_many_are_shown_as_are_extracted_by_cardinality():
     tracks, _ = mbm.extract(x, params)
     assert tracks.tolist() == [0, 1]
     moved = mbm._moved(x, set(), params)
-    epoch = mbm.Epoch(0, x, np.eye(4), np.eye(4))
+    epoch = mbm.Epoch(0, x, np.eye(4), np.eye(4), 1.0)
     assert mbm._objects(x, [epoch], moved, params).label.tolist() == [0, 1]
 
 

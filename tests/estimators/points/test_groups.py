@@ -41,7 +41,7 @@ def mixture(rng, sizes=(1, 3, 2, 2), rows=(1, 6, 4, 3)):
     local = bernoulli.newborn(rng.random(L), rng.normal(size=(L, 4)), np.tile(np.eye(4), (L, 1, 1)))
     parent = np.tile(np.arange(G)[:, None], (1, C))
     return bernoulli.Mixture(
-        local, np.arange(T), np.zeros((T, 4)), w, table, group, parent, np.arange(C)
+        local, np.arange(T), np.zeros((T, 4)), w, table, group, parent, np.arange(C), np.arange(C)
     )
 
 

@@ -350,8 +350,10 @@ def test_the_way_back_is_that_of_a_flat_prior():
     new = bernoulli.newborn(np.array([0.3]), rng.normal(size=(1, 4)), P[None])
     none, zero = bernoulli.nothing(4), np.array([0])
     epochs = [
-        Epoch(5 * 10**9, none, F, Q),
-        Epoch(7 * 10**9, bernoulli.add_tracks(none, new, zero, np.ones((1, 1), bool), zero), F, Q),
+        Epoch(5 * 10**9, none, F, Q, 1.0),
+        Epoch(
+            7 * 10**9, bernoulli.add_tracks(none, new, zero, np.ones((1, 1), bool), zero), F, Q, 1.0
+        ),
     ]
     age, r, m, V = smooth(epochs, np.array([0]))
     flat = 1e9 * np.eye(4)

@@ -192,13 +192,14 @@ def test_every_hypothesis_knows_what_it_was_before(make_recording):
         now = epoch.mixture
         if before is not None:
             group = dict(zip(before.label.tolist(), before.group.tolist(), strict=True))
+            links = list(zip(now.came.tolist(), now.heir.tolist(), strict=True))
             for t, label in enumerate(now.label.tolist()):
-                c = group.get(label, -1)
-                # Of a group that has parted the first part tells what it was.
-                if c < 0 or now.heir[c] != now.group[t]:
+                if label not in group:
                     continue
+                link = links.index((group[label], now.group[t]))
                 some = np.flatnonzero(now.table[:, t] >= 0)
-                had = before.table[now.parent[some, c], before.label.tolist().index(label)]
+                at = before.label.tolist().index(label)
+                had = before.table[now.parent[some, link], at]
                 assert (now.local.origin[now.table[some, t]] == had).all()
                 checked += len(some)
         before = now

@@ -134,7 +134,7 @@ def test_certain_detection_of_one_target_is_the_kalman_filter(make_recording):
             m + P @ H.T @ np.linalg.solve(S, z[k] - H @ m),
             P - P @ H.T @ np.linalg.solve(S, H @ P),
         )
-        state, estimates = phd.step(state, [scan], later if k else context)
+        state, (estimates, _) = phd.step(state, [scan], later if k else context)
         assert estimates.objects.label.tolist() == [0]
         np.testing.assert_allclose(estimates.objects.state[0], m, atol=1e-9)
         np.testing.assert_allclose(estimates.objects.covariance[0], P, atol=1e-9)
@@ -282,7 +282,7 @@ def test_variants(make_recording):
 
 def test_reduction_caps_before_merging_and_merges_by_distance(make_recording):
     w, m = np.array([0.9, 0.8, 0.1]), np.array([[0, 0, 0, 0], [9, 0, 0, 0], [0.5, 0, 0, 0]], float)
-    x = Mixture(w, m, np.tile(0.01 * np.eye(4), (3, 1, 1)), np.arange(3))
+    x = Mixture(w, m, np.tile(0.01 * np.eye(4), (3, 1, 1)), np.arange(3), np.arange(3))
     merged = {**BASE, "merge_by": "none", "merge_distance": 1.0, "max_components": 2}
     assert phd.reduce(x, phd.Params(**merged))[0].w == pytest.approx([1.0, 0.8])
     first = phd.Params(**merged, cap_before_merge=True)

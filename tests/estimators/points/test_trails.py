@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from echoset.estimators.points import pmb
-from echoset.estimators.points.kernels.smoothing import rts
+from echoset.estimators.points.kernels.smoothing import existed, rts
 from echoset.estimators.points.trails import Trail, back
 from echoset.models.motion import constant_velocity, white_acceleration
 
@@ -84,7 +84,9 @@ def test_a_step_back_is_the_smoother():
             m, P = F @ m, F @ P @ F.T + Q
         K = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.eye(2))
         m, P = m + K @ (z - H @ m), P - K @ H @ P
-        trails.append(Trail(k, np.array([7]), np.array([0.2 + 0.05 * k]), m[None], P[None], F, Q))
+        trails.append(
+            Trail(k, np.array([7]), np.array([0.2 + 0.05 * k]), m[None], P[None], F, Q, 1.0)
+        )
     x, C = batch(Z, np.array(BIRTH[1:5]), np.diag(np.square(BIRTH[5:])), 0.3)
     later = None
     for k in range(N - 1, -1, -1):
@@ -92,6 +94,29 @@ def test_a_step_back_is_the_smoother():
         np.testing.assert_allclose(later.m[0], x[k], atol=1e-9)
         np.testing.assert_allclose(later.P[0], C[k], atol=1e-9)
         assert later.r[0] == pytest.approx(0.2 + 0.05 * (N - 1))
+
+
+def test_existence_is_that_of_the_chain_by_enumeration():
+    """All ends of a target that has been there or not, with likelihoods of what is seen of it."""
+    rng = np.random.default_rng(7)
+    n, stay, r0 = 6, 0.8, 0.6
+    ratio = np.exp(rng.normal(0, 2, n))  # of what is seen at a time, there against not there
+    # Dead from the step k on; from 0 on: never there.
+    law = np.array([1 - r0] + [r0 * stay ** (k - 1) * (1 - stay) for k in range(1, n)]
+                   + [r0 * stay ** (n - 1)])  # fmt: skip
+    law = law * np.cumprod(np.append(1.0, ratio))
+    law /= law.sum()
+    exact = [law[k + 1 :].sum() for k in range(n)]
+    r, filtered = r0, []
+    for k in range(n):
+        r = r * stay if k else r
+        r = r * ratio[k] / (1 - r + r * ratio[k])
+        filtered.append(r)
+    found = np.array([filtered[-1]])
+    for k in range(n - 1, -1, -1):
+        if k < n - 1:
+            found = existed(np.array([filtered[k]]), found, stay)
+        assert found[0] == pytest.approx(exact[k], rel=1e-12)
 
 
 def test_trails_are_paired_by_label_and_begin_and_end():
@@ -103,11 +128,15 @@ def test_trails_are_paired_by_label_and_begin_and_end():
         m, P = rng.normal(size=(n, 4)), np.tile(2 * np.eye(4), (n, 1, 1))
         label = np.array(label, np.int64)
         classes = {int(l): np.array([float(time_ns), int(l)]) for l in label}
-        return Trail(time_ns, label, np.array(r), m, P, F, Q, classes)
+        return Trail(time_ns, label, np.array(r), m, P, F, Q, 0.9, classes)
 
     now, later = trail(0, [2, 5, 9], [0.9, 0.1, 0.4]), trail(1, [3, 5, 9, 11], [0.3, 0.7, 0.2, 0.9])
     found = back(later, now)
-    assert found.label.tolist() == [2, 5, 9] and found.r.tolist() == [0.9, 0.7, 0.4]
+    assert found.label.tolist() == [2, 5, 9]
+    # Died in between, given that it is not there later: 0.09 of 0.19, 0.01 of 0.91, 0.04 of 0.64.
+    np.testing.assert_allclose(
+        found.r, [0.09 / 0.19, 0.7 + 0.3 * 0.01 / 0.91, 0.2 + 0.8 * 0.04 / 0.64]
+    )
     np.testing.assert_array_equal(found.m[0], now.m[0])
     m, P = rts(now.m[1:], now.P[1:], later.m[1:3], later.P[1:3], F, Q)
     np.testing.assert_array_equal(found.m[1:], m)
