@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
-from scipy.special import logsumexp, ndtr
+from scipy.special import logsumexp, ndtr, ndtri
 
 from ....models.motion import STEP
 from ....models.records import Array
@@ -51,7 +51,8 @@ def start(
     """
     problem = _Problem(events, target, params, before)
     x = problem.propose(params.particles, rng)
-    x, log_z = temper(problem.log_posterior, problem.log_proposal, x, rng)
+    swing = problem.swing if params.has_object and before.carried is None else None
+    x, log_z = temper(problem.log_posterior, problem.log_proposal, x, rng, swing)
     # neighbours stay neighbours when resampled, so that modes of equal weight do not drift
     x = x[:, np.lexsort((x[1], x[0]))]
     _, last = problem.weigh(x)
@@ -148,6 +149,24 @@ class _Problem:
             ring = logsumexp(near, axis=0) - np.log(len(radius)) + np.log(shares[1])
             parts.append(ring + self._log_velocity(x) + height)
         return np.asarray(logsumexp(parts, axis=0) - 0.5 * (x[rows:] ** 2).sum(0))
+
+    def swing(self, x: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """The device anywhere else about a centre that stays, and the log Jacobian (n,).
+
+        A device on the wrong side of its object, whose place the reflections tell, is a mode of its
+        own, with less room about the right one.
+        """
+        y, row = x.copy(), self.motion + 1
+        share = (ndtr(x[row]) + rng.random(x.shape[1])) % 1.0
+        y[row] = ndtri(np.clip(share, 1e-12, 1 - 1e-12))
+        offsets = []
+        for own in (x, y):
+            d, angle = self._offset_and_extent(
+                own[self.motion : self.motion + 2 + len(self.target.extent)]
+            )[:2]
+            offsets.append(d * np.stack((np.cos(angle), np.sin(angle))))
+        y[:2] += offsets[1] - offsets[0]
+        return y, (y[row] ** 2 - x[row] ** 2) / 2
 
     def log_posterior(self, x: Array) -> Array:
         """Log of prior times likelihood (n,)."""

@@ -17,6 +17,8 @@ import numpy as np
 from ....models.records import Array
 from .resampling import effective_sample_size, normalise, systematic
 
+Jump = Callable[[Array, np.random.Generator], tuple[Array, Array]]
+"""A symmetric proposal for draws (dimension, n), and the logs (n,) of its Jacobian."""
 MOVES = 3
 """Metropolis steps after each rise."""
 LOG_SCALES = (np.log(0.05), np.log(1.0))
@@ -28,8 +30,11 @@ def temper(
     log_reference: Callable[[Array], Array],
     x: Array,
     rng: np.random.Generator,
+    jump: Jump | None = None,
 ) -> tuple[Array, float]:
     """Draws (dimension, n) from a density given draws ``x`` of a reference, and its log integral.
+
+    With ``jump`` each rise ends with one more Metropolis step, from mode to mode.
 
     ``log_posterior`` and ``log_reference`` map (dimension, n) to (n,); the first may be up to any
     factor, whose integral is returned, and minus infinity where nothing is.
@@ -51,15 +56,19 @@ def temper(
         index = systematic(normalise(log_w), rng.random(), n)
         log_z += float(top + np.log(np.mean(np.exp(log_w - top))))
         x, log_p, log_q = x[:, index], log_p[index], log_q[index]
-        for _ in range(MOVES):
-            scale = np.exp(rng.uniform(*LOG_SCALES, n))
-            a, b = rng.integers(0, n, (2, n))
-            y = x + scale * (x[:, a] - x[:, b]) + 1e-9 * rng.normal(size=x.shape)
+        for move in range(MOVES + (jump is not None)):
+            if jump is not None and move == MOVES:
+                y, log_jacobian = jump(x, rng)
+            else:
+                scale = np.exp(rng.uniform(*LOG_SCALES, n))
+                a, b = rng.integers(0, n, (2, n))
+                y = x + scale * (x[:, a] - x[:, b]) + 1e-9 * rng.normal(size=x.shape)
+                log_jacobian = np.zeros(n)
             new_p, new_q = log_posterior(y), log_reference(y)
             with np.errstate(invalid="ignore"):
                 # where nothing can be, both are minus infinity, and no comparison holds
                 ratio = power * (new_p - log_p) + (1 - power) * (new_q - log_q)
-                accept = np.log(rng.random(n)) < ratio
+                accept = np.log(rng.random(n)) < ratio + log_jacobian
             x = np.where(accept, y, x)
             log_p, log_q = np.where(accept, new_p, log_p), np.where(accept, new_q, log_q)
     return x, log_z

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from itertools import islice
+
 import numpy as np
 import pytest
+from scene import simulated
 
-from echoset.estimators.eopda import position
+import echoset
+from echoset.estimators.eopda import geo, position
 from echoset.estimators.eopda.cloud.modes import Ranges, modes
 from echoset.estimators.eopda.cloud.start import start
 from echoset.estimators.eopda.links import Links
 from echoset.estimators.eopda.state import Belief, Event, Height
+from echoset.estimators.presets import presets
+from echoset.estimators.run import Estimation
+from echoset.formats.windows import concatenate
 from echoset.models.uwb import Region
 
 NO_LINKS = Links(np.zeros(0, int), np.zeros(0, int), np.zeros(1, int), np.zeros(0), np.zeros(0))
@@ -103,6 +110,31 @@ def test_a_body_stands_back_from_the_device():
             Ranges(anchor, np.zeros(12), z, np.full(12, 0.03**2)), 0.3, 1.0, (0.0, 0.0), 10.0
         )
         assert np.linalg.norm(found.mean[:, :2] - p, axis=1).min() < 0.15
+
+
+def test_the_side_of_a_body_that_nothing_tells_is_any():
+    """From reflections alone the device is all around the body, and swings keep that law."""
+    pairs = np.array([(0, 1), (1, 2), (2, 3), (0, 3)])
+    z = (distances((2.0, 1.5))[pairs] - 0.2).sum(1)
+    reflected = Links(*pairs.T, np.arange(5), z, np.full(4, 0.1**2))
+    seen = Event(0, CORNERS, NO_LINKS, reflected)
+    params = geo.Params(particles=4000, max_range=12.0, mean_clutter=1.0, mean_scatter=1.0)
+    states, _ = start([seen], geo.CIRCLE, params, PLANE, np.random.default_rng(1))
+    angle = states[0].y[5]
+    # a quarter of the draws counts as independent, as moves decorrelate what resampling copied
+    for k in (1, 2):
+        assert abs(np.exp(1j * k * angle).mean()) < 4.5 / np.sqrt(len(angle) / 4)
+
+
+@pytest.mark.parametrize("run", [76, 77])
+def test_the_device_is_found_on_its_side_of_the_body(run):
+    """Recordings of which a start without swings held the device on the other side, 0.5 m off."""
+    record = simulated("uwb-olos", f"uwb-olos-s1-{run:04d}")
+    tuned = ("--preset tuned", presets("eopda-geo")["tuned"])
+    steps = Estimation("eopda-geo", (tuned,), seed=1).on(record.setup(), record.meta.name)
+    found = concatenate(list(islice(steps.steps(record.scans()), 12)))
+    errors = echoset.score(found, record, "rmse").where(metric="rmse", part="device", timed=True)
+    assert errors.value[-4:].max() < 0.2
 
 
 def test_the_region_is_where_an_anchor_can_hear():

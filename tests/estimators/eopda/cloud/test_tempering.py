@@ -50,6 +50,25 @@ def test_two_modes_keep_their_masses():
     assert min(share) > 0.2 and max(share) < 0.8
 
 
+def test_jumps_keep_the_masses_of_modes():
+    """Modes of masses 1 and 3; jumps take one to the other and stretch it thrice."""
+    rng = np.random.default_rng(3)
+
+    def log_density(x):
+        return np.logaddexp(-0.5 * ((x[0] - 1) / 0.01) ** 2, -0.5 * ((x[0] + 3) / 0.03) ** 2)
+
+    def jump(x, _rng):
+        return np.where(x > 0, -3 * x, -x / 3), np.log(np.where(x[0] > 0, 3.0, 1 / 3))
+
+    n = 4000
+    x = np.where(
+        rng.random(n) < 0.25, 1 + 0.01 * rng.normal(size=n), -3 + 0.03 * rng.normal(size=n)
+    )
+    y, _ = temper(log_density, log_density, x[None], rng, jump)
+    assert abs((y < 0).mean() - 0.75) < 4.5 * np.sqrt(0.75 * 0.25 / n)
+    assert ((y[0] < 0) != (x < 0)).mean() > 0.3
+
+
 def test_systematic_resampling_is_within_one_of_the_expected_count():
     rng = np.random.default_rng(2)
     w = rng.dirichlet(np.ones(50))
