@@ -9,12 +9,13 @@ from ...models.errors import InputError
 from ...models.records import Recording
 from . import radar, uwb
 from .quantities import Calibration
+from .seen import RadarParams
 
 RADARS = ("position", "range_bearing")
 
 
 @dataclass(frozen=True)
-class Params(radar.RadarParams, uwb.UwbParams):
+class Params(RadarParams, uwb.UwbParams):
     """What is looked at, of radars and of UWB."""
 
 
