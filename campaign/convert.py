@@ -14,8 +14,8 @@ from ..formats import scores
 from ..models import registry
 from ..models.checks import in_range
 from ..models.errors import FormatError, InputError, ParameterError
-from ..models.parameters import resolve
-from ..models.records import Estimates, Recording, Scores
+from ..models.parameters import Layer, resolve
+from ..models.records import Estimates, Meta, Recording, Scores
 from . import exits, log
 from .batch import resume
 from .batch.execution import Execution
@@ -28,33 +28,43 @@ from .progress import share
 
 @dataclass(frozen=True, slots=True)
 class Import:
-    """An importer, the logs that make one recording, and what the user says of them."""
+    """An importer, the logs that make one recording, and what the user says of them.
+
+    With ``recover`` the importer takes what is whole of damaged ones, if it knows how.
+    """
 
     name: str
     inputs: tuple[str, ...]
     mapping: str | None
     config: str | None
     settings: tuple[str, ...]
+    recover: bool = False
 
     def read(self) -> Recording | Estimates:
         """The recording, or the estimates of others that lie in it."""
-        module = registry.load("echoset.importers", self.name)
-        first = (("--mapping", {"mapping": self.mapping}),) if self.mapping else ()
-        params = resolve(module.Params, *first, *layers(self.config, self.settings))
-        paths = [Path(source) for source in self.inputs]
         with in_range(InputError, f"{self.inputs[0]}: holds numbers that are out of range"):
-            found: Recording | Estimates = module.read(paths, params)
+            found: Recording | Estimates = self._module.read(self._paths, self._params())
         return found
 
     def windows(self) -> Iterator[Recording] | None:
         """The recording in windows of time, where the importer reads it so."""
-        module = registry.load("echoset.importers", self.name)
-        if not hasattr(module, "windows"):
+        if not hasattr(self._module, "windows"):
             return None
-        first = (("--mapping", {"mapping": self.mapping}),) if self.mapping else ()
-        params = resolve(module.Params, *first, *layers(self.config, self.settings))
-        found: Iterator[Recording] | None = module.windows([Path(s) for s in self.inputs], params)
+        found: Iterator[Recording] | None = self._module.windows(self._paths, self._params())
         return found
+
+    @property
+    def _module(self) -> Any:
+        return registry.load("echoset.importers", self.name)
+
+    @property
+    def _paths(self) -> list[Path]:
+        return [Path(source) for source in self.inputs]
+
+    def _params(self) -> Any:
+        first: list[Layer] = [("--mapping", {"mapping": self.mapping})] if self.mapping else []
+        first += [("--recover", {"recover": True})] if self.recover else []
+        return resolve(self._module.Params, *first, *layers(self.config, self.settings))
 
 
 def proposal(name: str, log: str) -> str:
@@ -111,10 +121,10 @@ class Task:
         if self.foreign is not None:
             windows = self.foreign.windows()
             if windows is None:
-                _write(self.foreign.read(), self.target)
-            else:
-                _write_windows(windows, self.target)
-            return False
+                record = self.foreign.read()
+                _write(record, self.target)
+                return "recovered" in record.meta.provenance
+            return "recovered" in _write_windows(windows, self.target).provenance
         with spooled(self.label) as path:
             if self.recover:
                 return _recovered(path, self)
@@ -191,8 +201,8 @@ def _write(record: Recording | Estimates | Scores, target: Target) -> None:
         formats.write(record, opened, target.format)
 
 
-def _write_windows(windows: Iterator[Recording], target: Target) -> None:
-    """Write a recording window by window."""
+def _write_windows(windows: Iterator[Recording], target: Target) -> Meta:
+    """Write a recording window by window; what it is called and where it comes from."""
     writer: Any = None
     first = next(windows)
     _known(target, first)
@@ -205,6 +215,7 @@ def _write_windows(windows: Iterator[Recording], target: Target) -> None:
             writer.close(first.meta)
         finally:
             writer.abort()
+    return first.meta
 
 
 def _known(target: Target, record: Recording | Estimates) -> None:

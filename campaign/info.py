@@ -8,10 +8,13 @@ from pathlib import PurePath
 from typing import Any
 
 from .. import formats
-from ..formats import foreign
+from ..formats import foreign, weights
 from ..formats import scores as tables
 from ..models.names import printable
 from .files.inputs import SCORES, label, spooled
+
+WEIGHTS = ".npz"
+"""The suffix of weights of a classifier."""
 
 
 def inspect(file: str) -> dict[str, Any]:
@@ -20,6 +23,9 @@ def inspect(file: str) -> dict[str, Any]:
     if listed is not None:
         return listed
     with spooled(file) as path:
+        if PurePath(file).suffix == WEIGHTS:
+            made = weights.read(path).made
+            return {"kind": "weights", "sha256": weights.sha256(path), "made": made}
         if PurePath(file).suffix not in SCORES:
             found = formats.summary(path)
             if found["kind"] != "scores":
@@ -55,6 +61,12 @@ def lines(found: Mapping[str, Any]) -> Iterator[str]:
     for key in ("name", "epoch", "frame", "origin", "observed_digest", "content_digest"):
         if found.get(key):
             yield _entry(key.replace("_", " "), str(found[key]))
+    if found["kind"] == "weights":
+        yield _entry("sha256", found["sha256"])
+        for key, value in found["made"].items():
+            yield _entry(key, json.dumps(value))
+        if not found["made"]:
+            yield _entry("made", "nobody has said how")
     for path in sorted(filter(_is_provenance, found)):
         for key, value in sorted(found[path].items()):
             yield _entry(f"{path.removesuffix('provenance')}{key}", json.dumps(value))

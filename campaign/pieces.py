@@ -267,8 +267,11 @@ def _ended(stream: Stream, ends: Sequence[bool]) -> Stream:
 
 
 def _thinned(stream: Stream, every: int, seen: int, latest: int) -> tuple[Stream, int, int]:
-    """Each ``every``-th time of a stream, of which ``seen`` were before, up to ``latest``."""
-    if not len(stream):
+    """Each ``every``-th time of a stream, of which ``seen`` were before, up to ``latest``.
+
+    Odometry is whole: a row of it tells of all the time since the one before.
+    """
+    if not len(stream) or stream.kind == "odometry":
         return stream, seen, latest
     new = np.diff(stream.time_ns, prepend=latest) > 0
     number = seen + np.cumsum(new)

@@ -47,7 +47,9 @@ def _propose(importer: str | None, inputs: tuple[str, ...], output: str | None) 
     help="With --from csv, print a mapping with what is recognised in the log, to be edited.",
 )
 @click.option(
-    "--recover", is_flag=True, help="Of a damaged MCAP file, keep what comes before the damage."
+    "--recover",
+    is_flag=True,
+    help="Of a damaged MCAP file or bag, keep what comes before the damage.",
 )
 @options.config
 @options.settings
@@ -74,7 +76,7 @@ def command(
 
     With --recover, a damaged or truncated MCAP file gives its complete messages before the first
     damage, with a digest of their own and a note in the provenance; the exit code is then 3, and 4
-    where there is nothing. A file that is whole is converted as ever.
+    where there is nothing. A file that is whole is converted as ever. So it is with --from ros2.
 
     With --propose, nothing is converted: a mapping for the log goes to stdout, with marks at what
     was guessed and at what has to be filled in, such as where the anchors stand.
@@ -94,10 +96,8 @@ def command(
     if output is None:
         last = inputs[-1] if len(inputs) > 1 else f"{PurePath(inputs[0]).stem}.h5"
         raise ParameterError(f"Missing option '-o' / '--output': where to write, as in -o {last}")
-    if importer and recover:
-        raise ParameterError("--recover is for our own files, not for --from")
     if importer:
-        foreign = Import(importer, inputs, mapping, config, settings)
+        foreign = Import(importer, inputs, mapping, config, settings, recover)
         target = plan(output, [PurePath(inputs[0]).stem], form, existing)[0]
         tasks = [Task(inputs[0], target, foreign)]
     elif mapping or config or settings:

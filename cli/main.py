@@ -28,6 +28,7 @@ COMMANDS = (
     "join",
     "calibrate",
     "train-classifier",
+    "train-templates",
     "list",
     "describe",
     "completion",

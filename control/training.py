@@ -16,7 +16,7 @@ import numpy as np
 from ..estimators.maps.kernels.cnn import probabilities, scaled
 from ..models.classifier import CLASSES, FILTERS, KERNEL, POOLED, Weights
 from ..models.errors import ParameterError
-from ..models.parameters import parameter
+from ..models.parameters import as_dict, parameter, require
 from ..models.records import Array
 from ..simulate import jsc
 from .windows import Windows, join, scenes
@@ -32,6 +32,16 @@ class Params:
     scenes: int = parameter(600, "1", "scenes to train on", within="[1, inf)")
     held_out: int = parameter(200, "1", "scenes to test on", within="[1, inf)")
     scans: int = parameter(10, "1", "scans of a scene, spread over its time", within="[1, inf)")
+    eirp: tuple[float, float] = parameter(
+        (20.0, 50.0), "dBm", "power of a scene's stations, uniform between these"
+    )
+    circle: tuple[float, float] = parameter(
+        (0.7, 1.2),
+        "1",
+        "distances of a scene's stations from the middle of the area over those of the scenario, "
+        "uniform between these, the same for all of a scene",
+        within="(0, inf)",
+    )
     displacement: float = parameter(
         0.5, "m", "standard deviation sigma_w of the windows' middle", within="[0, inf)"
     )
@@ -41,6 +51,11 @@ class Params:
         1e-3, "1", "of Adam, falling to zero along a cosine", within="(0, inf)"
     )
     weight_decay: float = parameter(1e-2, "1", "decoupled (AdamW)", within="[0, inf)")
+
+    def __post_init__(self) -> None:
+        for name in ("eirp", "circle"):
+            low, high = getattr(self, name)
+            require(low <= high, name, "in order", (low, high))
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +87,29 @@ def data(scene: jsc.Params, params: Params, seed: int, watch: Watch) -> tuple[Wi
     found = []
     for stage, count in (("train", params.scenes), ("test", params.held_out)):
         key = f"classifier:{stage}"
-        some = scenes(scene, range(count), seed, key, params.scans, params.displacement)
+        some = scenes(
+            scene, range(count), seed, key, params.scans, params.displacement,
+            params.eirp, params.circle,
+        )  # fmt: skip
         found.append(join(watch(some, f"{stage} scene", count)))
     return found[0], found[1]
+
+
+def story(
+    scenario: str, scene: jsc.Params, params: Params, seed: int, found: Iterable[Accuracy]
+) -> dict[str, Any]:
+    """How weights were made: by what, in which scenes, with which seed, and how good they are."""
+    accuracy = {str(a.stations): [round(a.share, 4), round(a.stderr, 4)] for a in found}
+    return {
+        "what": "pedestrians and vehicles in range-angle maps",
+        "scenario": scenario,
+        "scene": as_dict(scene),
+        "settings": as_dict(params),
+        "seed": seed,
+        "streams": ["classifier:train", "classifier:test"],
+        "accuracy by stations": accuracy,
+        "versions": {"torch": require_torch().__version__},
+    }
 
 
 def train(windows: Windows, params: Params, seed: int, watch: Watch) -> Weights:

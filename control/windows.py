@@ -49,9 +49,13 @@ def scenes(
     stage: str,
     scans: int,
     displacement: float,
+    eirp: tuple[float, float] | None = None,
+    circle: tuple[float, float] = (1.0, 1.0),
 ) -> Iterator[Windows]:
     """The windows of scenes: for each target and scan one, displaced by ``displacement`` [m].
 
+    Stations of a scene have a power in ``eirp`` [dBm] (None: that of ``params``), and stand a share
+    in ``circle`` of their distances from the middle of the area, both uniform.
     ``stage`` keys the random streams, so that scenes to train on and to test on differ.
     """
     spread = params.scans * params.dt / scans
@@ -59,8 +63,28 @@ def scenes(
     for number in numbers:
         name = f"scene-{number}"
         rng = generator(seed, stage, name)
-        recording = jsc.simulate(sparse, rng, name)
+        recording = jsc.simulate(_varied(sparse, eirp, circle, rng), rng, name)
         yield _windows(recording, params.area, number, displacement, rng)
+
+
+def _varied(
+    params: jsc.Params,
+    eirp: tuple[float, float] | None,
+    circle: tuple[float, float],
+    rng: np.random.Generator,
+) -> jsc.Params:
+    """The scene with the power and the layout drawn."""
+    if eirp is not None:
+        params = replace(params, eirp=float(rng.uniform(*eirp)))
+    if circle == (1.0, 1.0):
+        return params
+    share = float(rng.uniform(*circle))
+    if not params.stations:
+        return replace(params, station_radius=share * params.station_radius)
+    x0, x1, y0, y1 = params.area
+    x, y = (x0 + x1) / 2, (y0 + y1) / 2
+    there = tuple((x + share * (a - x), y + share * (b - y), yaw) for a, b, yaw in params.stations)
+    return replace(params, stations=there)
 
 
 def _windows(

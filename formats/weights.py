@@ -1,16 +1,19 @@
-"""Weights of the classifier as a NumPy archive (.npz) of float32 arrays.
+"""Weights of the classifier as a NumPy archive (.npz) of float32 arrays, and how they were made.
 
-The shapes stand in :data:`echoset.models.classifier.SHAPES`. They are compared with what the
-archive says before memory is taken; nothing is unpickled.
+How they were made is a member ``made.json`` of the archive; it may be absent. The shapes stand in
+:data:`echoset.models.classifier.SHAPES`. They are compared with what the archive says before
+memory is taken; nothing is unpickled.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
+import json
 import re
 import struct
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from zlib import error as ZlibError
@@ -22,8 +25,11 @@ from ..models.classifier import SHAPES, Weights
 from ..models.errors import FormatError
 from ..models.records import Array
 from .atomic import atomic
+from .plain_json import parse
 
 OPTIONAL = ("mean", "std")
+MADE = "made.json"
+_MOST_WORDS = 1 << 16
 _DAMAGE = (
     EOFError,
     LookupError,
@@ -62,12 +68,13 @@ def read(path: Path) -> Weights:
             inside = {name.removesuffix(".npy") for name in archive.namelist()}
             names = [name for name in SHAPES if name in inside or name not in OPTIONAL]
             arrays = {name: _array(archive, path, name) for name in names}
+            made = _made(archive, path)
     except (zipfile.BadZipFile, *_DAMAGE) as error:
         reason = "no weights: is not a sound NumPy archive (.npz)"
         raise FormatError(path, "central directory", reason) from error
     if arrays.get("std", np.ones(())) <= 0:
         raise FormatError(path, "std", f"{arrays['std'].item()!r} is not positive")
-    return Weights.of(arrays)
+    return replace(Weights.of(arrays), made=made)
 
 
 def sha256(path: Path) -> str:
@@ -93,8 +100,29 @@ def write(path: Path, weights: Weights, overwrite: bool = False) -> None:
     OutputError : ``path`` exists (and ``overwrite`` is false), or cannot be written
     """
     arrays: dict[str, Any] = weights.arrays()
-    with atomic(path, overwrite) as temporary, temporary.open("wb") as file:
+    with atomic(path, overwrite) as temporary, temporary.open("w+b") as file:
         np.savez(file, **arrays)
+        if weights.made:
+            with zipfile.ZipFile(file, "a") as archive:
+                text = json.dumps(weights.made, sort_keys=True, indent=1)
+                archive.writestr(zipfile.ZipInfo(MADE), text)
+
+
+def _made(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
+    """How the weights were made, as they say themselves."""
+    if MADE not in archive.namelist():
+        return {}
+    with archive.open(MADE) as file:
+        data = file.read(_MOST_WORDS + 1)
+    if len(data) > _MOST_WORDS:
+        raise FormatError(path, MADE, f"is longer than {_MOST_WORDS} bytes")
+    try:
+        made = parse(data.decode("utf-8"), path)
+    except UnicodeDecodeError as error:
+        raise FormatError(path, MADE, "is not UTF-8 text") from error
+    if not isinstance(made, dict):
+        raise FormatError(path, MADE, "is not an object of JSON")
+    return made
 
 
 def _array(archive: zipfile.ZipFile, path: Path, name: str) -> Array:

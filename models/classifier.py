@@ -7,7 +7,8 @@ E. Favarelli et al., "Multi-base station cooperative sensing with AI-aided track
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,8 @@ SHAPES: dict[str, tuple[int, ...]] = {
 class Weights:
     """Arrays float32 with the :data:`SHAPES`; ``fc_weight`` counts (filter, row, column).
 
-    The network sees (log10(1 + L) - mean) / std of the powers L of a window.
+    The network sees (log10(1 + L) - mean) / std of the powers L of a window. ``made`` says how they
+    were learnt, in words of JSON; empty if nobody has said.
     """
 
     conv_weight: Array
@@ -47,6 +49,7 @@ class Weights:
     fc_bias: Array
     mean: float = 0.0
     std: float = 1.0
+    made: Mapping[str, Any] = field(default_factory=dict)
 
     @staticmethod
     def of(arrays: Mapping[str, Array]) -> Weights:

@@ -46,6 +46,40 @@ def coordinated_turn(dt: float, rate: float) -> Array:
     return np.block([[np.eye(2), way], [np.zeros((2, 2)), turn]])
 
 
+def constant_acceleration(dt: float, density: float) -> tuple[Array, Array]:
+    """Transition (6, 6) and noise of x y vx vy ax ay over ``dt`` [s], with white jerk.
+
+    Its density is in m^2 s^-5. Bar-Shalom, Li and Kirubarajan, section 6.2.3.
+    """
+    F = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]])
+    Q = np.array(
+        [
+            [dt**5 / 20, dt**4 / 8, dt**3 / 6],
+            [dt**4 / 8, dt**3 / 3, dt**2 / 2],
+            [dt**3 / 6, dt**2 / 2, dt],
+        ]
+    )
+    return np.kron(F, np.eye(2)), density * np.kron(Q, np.eye(2))
+
+
+def random_walk(dt: float, diffusion: float) -> tuple[Array, Array]:
+    """Transition (4, 4) and noise of what stands: x and y gain ``diffusion`` [m^2/s], and no speed.
+
+    Its velocity is that of the step, about 0 whatever it was before.
+    """
+    speed = max(diffusion / dt if dt > 0 else 0.0, LEAST_SPEED**2)
+    Q = np.diag([diffusion * dt, diffusion * dt, speed, speed])
+    return np.diag([1.0, 1.0, 0.0, 0.0]), Q
+
+
+def backwards(F: Array) -> Array:
+    """The way back of a transition F (dx, dx): what it leaves of the state, zero for the rest."""
+    inverse = np.linalg.inv if np.linalg.det(F) else np.linalg.pinv
+    return np.asarray(inverse(F))
+
+
+LEAST_SPEED = 1e-3
+"""Deviation [m/s] of the velocity of what stands, at least."""
 STEP = 0.1
 """Time [s] to which the standard deviations of a device's motion and random walks refer."""
 

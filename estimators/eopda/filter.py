@@ -161,7 +161,7 @@ def track(
     doubt, before, last = Doubt(), first, 0
     for event in events:
         dt = (event.time_ns - last) * 1e-9
-        if state is not None and _widens(dt, params) > PAUSE:
+        if state is not None and widens(dt, params) > PAUSE:
             before, state = remembered(state, dt, first, params), None
         try:
             if state is None:
@@ -180,7 +180,7 @@ def track(
                     continue
                 window = []
                 dt = (event.time_ns - last) * 1e-9
-                if _widens(dt, params) > PAUSE:
+                if widens(dt, params) > PAUSE:
                     before, state, window = remembered(state, dt, first, params), None, [event]
                     continue
             step, less = _step(state, event, dt, target, params, first, rng)
@@ -285,7 +285,7 @@ def _clutter(event: Event, params: Params) -> float:
     return n * log(params.clutter) - links * params.clutter * float(params.max_range or 0.0)
 
 
-def _widens(dt: float, params: Params) -> float:
+def widens(dt: float, params: Params) -> float:
     """Standard deviation [m] that a position gains over ``dt`` [s] by the motion's noise."""
     return params.acceleration_std * sqrt(STEP * dt**3 / 3)
 

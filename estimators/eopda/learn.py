@@ -40,8 +40,8 @@ FINER = (1.4, 1.15)
 """Factors of the noise in the rounds of the search."""
 SCALE_STD, HEIGHT_STD, BIAS_STD = 0.05, 1.5, 0.3
 """Priors [1, m, m] of a scale, a height and an offset."""
-REST_STD = (0.03, 0.1)
-"""Priors [m] of an offset beside a scale, and beside a height."""
+REST_STD = 0.03
+"""Prior [m] of an offset beside a scale or a height, which explain the same."""
 COARSE = (0.3, 3.0, 10.0)
 """Factors of all noise that are tried first."""
 SLOWER = (0.5, 0.2, 0.08, 0.04)
@@ -180,20 +180,21 @@ def learn(
                 if target.extent:
                     search.settle(SLOWER, "axes_std", "width_std")
             search.climb(1.6, "acceleration_std", most=FARTHEST)
-        if "rates" in wanted and is_first:
-            _late(search)
         if "bias" in wanted and is_first and search.best.range_bias_std > 0:
             for wider in WIDER:
                 search.offer(range_bias_spread=wider * params.range_bias_spread)
             for walk in WALKS:
                 search.offer(range_bias_walk=walk)
+        if "rates" in wanted and is_first and _stays(search, search.best) == 0.0:
+            # a detour is drawn anew for each range: it does not explain errors that stay
+            _late(search)
         _explain(search, wanted)
         if search.best == before:
             break
     best = max(search.best, params, key=search.evidence)
     gain = search.evidence(best) - at_first
-    if "sigma" in wanted and params.noise_time == 0.0:
-        best = _space(search, best)
+    if "sigma" in wanted and (stays := _stays(search, best)) > 0:
+        best = _set(best, {"noise_time": stays})
     found = {
         name: _short(getattr(best, name))
         for name in type(params).__dataclass_fields__
@@ -220,24 +221,15 @@ def _late(search: _Search) -> None:
     search.best = max([told, *tried], key=search.evidence)
 
 
-def _space(search: _Search, best: Params) -> Params:
-    """Find how long errors stay, from what the ranges leave unexplained.
-
-    A filter that takes them for independent follows them, so that it shows only that they stay; how
-    long is seen by a stiff one, which leaves more of independent errors than there is.
-    """
-    if "noise_time" not in type(best).__dataclass_fields__:
-        return best
-    stays = 0.0
+def _stays(search: _Search, best: Params) -> float:
+    """How long [s] errors stay, from what a filter that does not follow them leaves unexplained."""
+    if "noise_time" not in type(best).__dataclass_fields__ or best.noise_time > 0:
+        return best.noise_time
     try:
-        for stiff in (0.0, LONGEST):
-            steps = search.steps(_set(best, {"noise_time": stiff}), search.seed)
-            stays = noise_time(*residuals(search.events, steps))
-            if stays == 0.0:
-                break
+        steps = search.steps(_set(best, {"noise_time": LONGEST}), search.seed)
+        return noise_time(*residuals(search.events, steps))
     except EstimatorError:
-        return best
-    return _set(best, {"noise_time": stays})
+        return 0.0
 
 
 def _explain(search: _Search, wanted: Sequence[str]) -> None:
@@ -260,7 +252,7 @@ def _explain(search: _Search, wanted: Sequence[str]) -> None:
     scale = {"range_scale_std": told.range_scale_std or SCALE_STD}
     height = {"device_height_std": told.device_height_std or HEIGHT_STD}
     if "range_bias_std" in off:
-        scale["range_bias_std"], height["range_bias_std"] = REST_STD
+        scale["range_bias_std"] = height["range_bias_std"] = REST_STD
     if offset.keys() | scale.keys() <= off.keys():
         off["range_error"] = told.range_error
 

@@ -28,6 +28,7 @@ from ...models.motion import STEP, constant_velocity, motion_noise, walk_std
 from ...models.records import Array, Objects
 from .cloud.images import images
 from .extract import extract
+from .filter import PAUSE, widens
 from .heading import LEAST, is_told
 from .odometry import Increment
 from .params import Params
@@ -96,16 +97,20 @@ def record(step: Step, target: Target, params: Params) -> Record:
 
 def smoother(
     target: Target, params: Params, first: Belief, rng: np.random.Generator
-) -> Callable[[Carried | None, Record], tuple[Carried, Objects]]:
-    """The way back of one recording, from one record to the one before, and what is shown there."""
+) -> Callable[[Carried | None, Record], tuple[Carried, Callable[[], Objects]]]:
+    """The way back of one recording, from one record to the one before, and who shows it."""
     rows = 7 + len(target.extent)
     drawn = rng.normal(size=(rows + 1 + len(first.mean), DRAWS // 2))
     known = first.height.is_known
 
-    def backward(later: Carried | None, now: Record) -> tuple[Carried, Objects]:
+    def backward(later: Carried | None, now: Record) -> tuple[Carried, Callable[[], Objects]]:
         x = back(later, now, target, params, first)
-        shown = _cloud(x.now, rows, len(first.mean), first, drawn)
-        return x, extract(shown, now.time_ns, target, params, known).objects
+
+        def show() -> Objects:
+            shown = _cloud(x.now, rows, len(first.mean), first, drawn)
+            return extract(shown, now.time_ns, target, params, known).objects
+
+        return x, show
 
     return backward
 
@@ -120,6 +125,8 @@ def back(
         return Carried(now, now)
     if lost is not None:
         now = _forgotten(now, lost, target, params, first)
+    elif now.time_ns < now.until and is_told(later.now.moved):
+        now = _forgotten(now, None, target, params, first)
     elif now.time_ns < now.until:
         # a start explains its events by one motion: what is known of its last moves back to this
         end = later.anchor
@@ -193,6 +200,12 @@ def transition(
     if params.range_bias_std > 0:
         b = np.arange(rows + headed + 1, len(m))
         Q[b, b] = params.range_bias_walk**2 * dt
+    if widens(dt, params) > PAUSE:
+        # the filter starts anew, from where any motion may have taken it, heading anywhere
+        for own in (range(4), range(rows, rows + headed)):
+            A[own, own] = 0.0
+            Q[own, own] = np.maximum(P[own, own], 1.0)
+        return A @ m, A, Q
     if not is_told(moved) or dt <= 0:
         A[:4, :4], _ = constant_velocity(dt)
         Q[:4, :4] = motion_noise(params.acceleration_std, dt)
@@ -225,9 +238,11 @@ def transition(
     return ahead, A, Q
 
 
-def _forgotten(now: Record, lost: int, target: Target, params: Params, first: Belief) -> Record:
-    """The record of a time at which the device was ``lost``: as wide as at first, but the heading,
-    which is odometry's."""
+def _forgotten(
+    now: Record, lost: int | None, target: Target, params: Params, first: Belief
+) -> Record:
+    """The record of a time at which nothing is known but the heading, which is odometry's: that at
+    which the device was ``lost``, or one of a start, where odometry knows better how it moved."""
     rows, D = 7 + len(target.extent), len(first.mean)
     m = now.w @ now.m
     wide = np.full(len(m), pi**2 / 3)

@@ -31,9 +31,9 @@ LAG = re.compile(r"(\d+(?:\.\d*)?|\.\d+)s")
 
 Forward = Iterator[tuple[Estimates, Any]]
 """Estimates of each time, and the record that its way back needs."""
-Backward = Callable[[Any, Any], tuple[Any, Objects]]
+Backward = Callable[[Any, Any], tuple[Any, Objects | Callable[[], Objects]]]
 """From what later times carry (None: there are none) and a record to what is carried on, and the
-objects of the record's time."""
+objects of the record's time, or who makes them where they take long and are not always wanted."""
 
 
 def _unseen(items: Iterable[Any], total: int) -> Iterable[Any]:
@@ -156,6 +156,10 @@ def smoothed(forward: Forward, backward: Backward, wait: float | None) -> Iterat
         yield from _lagging(forward, backward, wait)
 
 
+def _made(objects: Objects | Callable[[], Objects]) -> Objects:
+    return objects if isinstance(objects, Objects) else objects()
+
+
 def _whole(forward: Forward, backward: Backward) -> Iterator[Estimates]:
     carried, meta = None, None
     with Stack() as past, Stack() as found:
@@ -164,7 +168,7 @@ def _whole(forward: Forward, backward: Backward) -> Iterator[Estimates]:
             past.push((estimates.steps, record))
         for steps, record in AROUND.get().watch(past, len(past)):
             carried, objects = backward(carried, record)
-            found.push((steps, objects))
+            found.push((steps, _made(objects)))
         for steps, objects in found:
             assert meta is not None
             yield Estimates(meta, objects, steps)
@@ -178,7 +182,7 @@ def _lagging(forward: Forward, backward: Backward, wait: float) -> Iterator[Esti
         for _, record, _ in reversed(window):
             carried, objects = backward(carried, record)
         assert objects is not None
-        return replace(window.popleft()[0], objects=objects)
+        return replace(window.popleft()[0], objects=_made(objects))
 
     for estimates, record in forward:
         window.append((estimates, record, int(estimates.objects.time_ns[0])))

@@ -139,7 +139,7 @@ def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimate
     classes: dict[int, Array] = {}
 
     def forward() -> Iterator[tuple[Estimates, Epoch]]:
-        for state, epoch in through(context, scans, init(), step):
+        for state, epoch in through(context, scans, init(params.width), step):
             classes.update(state.memory.classes)
             x, none = state.mixture, np.zeros(0, np.int64)
             nobody = _listed(epoch.time_ns, none, x.local.r[none], x.local.m[none], x.local.P[none])
@@ -178,7 +178,7 @@ def _lagging(context: Context[Params], scans: Iterable[Scan], lag: float) -> Ite
         objects = context.source.named(objects, state.memory.classes)
         return Estimates(context.setup.meta, objects, numbers.popleft())
 
-    for state, epoch in through(context, scans, init(), step):
+    for state, epoch in through(context, scans, init(params.width), step):
         epochs.append(epoch)
         moved = _moved(state.mixture, moved, params, epochs)
         numbers.append(_counted(state, context))
@@ -291,5 +291,12 @@ def _listed(time_ns: int, label: Array, r: Array, m: Array, P: Array) -> Objects
     """Objects of one time."""
     offset = np.array([0, len(label)], np.int64)
     return Objects(
-        np.array([time_ns], np.int64), offset, label, NAMES, UNITS, m, covariance=P, existence=r
+        np.array([time_ns], np.int64),
+        offset,
+        label,
+        NAMES[: m.shape[1]],
+        UNITS[: m.shape[1]],
+        m,
+        covariance=P,
+        existence=r,
     )

@@ -32,8 +32,8 @@ from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.poisson import first_detections
 from .model.edge import detection_probability, unseen
-from .model.sensing import Look, SensorParams, first, innovations, log_likelihood, updated
-from .model.targets import Interval, elapse, limit, newborn
+from .model.sensing import Look, SensorParams, innovations, log_likelihood, updated
+from .model.targets import Interval, elapse, limit, newborn, started
 from .times import Memory
 from .trails import TrailParams
 
@@ -169,9 +169,10 @@ class State:
     cut: Cut = field(default_factory=dict)
 
 
-def init() -> State:
-    """Nothing is known."""
-    return State(nothing(4), births.none(), births.none(), Backlog(0.0), 0, None)
+def init(width: int = 4) -> State:
+    """Nothing is known of targets whose state has so many entries."""
+    none = births.none(width)
+    return State(nothing(width), none, none, Backlog(0.0), 0, None)
 
 
 def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval]:
@@ -190,7 +191,7 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
     local = Bernoullis(
         np.where(known, a.r * gone.survival(params, a.m), 0.0),
         m,
-        np.where(known[:, None, None], P, np.eye(4)),
+        np.where(known[:, None, None], P, np.eye(params.width)),
         settled + (a.visible - settled) * np.exp(-change * gone.dt),
         a.unseen + gone.dt,
         np.arange(len(a)),
@@ -198,7 +199,7 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
     mixture = replace(state.mixture.restarted(), local=local)
     state = replace(state, mixture=mixture, time_ns=time_ns, cut={})
     new = births.join(_moved(state.waiting, params, gone), newborn(params, gone))
-    state = replace(state, waiting=births.none())
+    state = replace(state, waiting=births.none(params.width))
     if params.poisson:
         old = _moved(state.undetected, params, gone)
         backlog = backlog.predict(params.p_survive, gone.steps)
@@ -324,7 +325,7 @@ def _first_detections(
     undetected: births.Components, seen: Look, params: Params, own: SensorParams, even: Array
 ) -> tuple[births.Components, tuple[Array, Array, Array]]:
     """The undetected targets that stay so, and what the detections say if they are the first."""
-    m_even, P_even, rated = first(seen, np.array(params.birth_std_velocity))
+    m_even, P_even, rated = started(params, seen)
     n = len(m_even)
     even = even * rated * detection_probability(seen, m_even, P_even, False)
     w, m, P = undetected

@@ -30,8 +30,10 @@ class ModeParams:
     motion: str = parameter(
         "cv",
         "1",
-        "cv: nearly constant velocity; imm: that and manoeuvres, as an interacting multiple model",
-        within=("cv", "imm"),
+        "cv: nearly constant velocity; ca: nearly constant acceleration; ct: cv turning at "
+        "turn_rate; random-walk: x and y alone, by diffusion, for what stands; imm: cv and "
+        "manoeuvres, as an interacting multiple model",
+        within=("cv", "ca", "ct", "random-walk", "imm"),
     )
     manoeuvres: tuple[tuple[float, ...], ...] = parameter(
         ((0.15, 0.1), (-0.15, 0.1), (0.0, 10.0)),

@@ -43,7 +43,7 @@ def step(
     followed, _ = extract(state.mixture, params)
     x = state.mixture.take(followed)
     state, is_new, gone = predict(state, params, together[0].time_ns)
-    where = x.m[:, :2] + gone.dt * x.m[:, 2:]
+    where = (x.m @ gone.F.T)[:, :2]
     moment = observe(context, together, state.memory, x.label, where)
     seen = [look for look, _ in moment.looks]
     n = sum(len(look.z) for look in seen)
@@ -87,7 +87,7 @@ def estimate(
 
 def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
     """:func:`estimate` in a context of the caller's."""
-    forward = (found for _, found in through(context, scans, init(), step))
+    forward = (found for _, found in through(context, scans, init(context.params.width), step))
     found = smoothed(forward, _backward(context), context.params.wait)
     return found if context.params.wait is None else (_shown(x, context) for x in found)
 
@@ -170,7 +170,14 @@ def _objects(state: State, params: Params) -> tuple[State, Objects]:
 
 def _listed(time_ns: int, label: Array, m: Array, P: Array, r: Array) -> Objects:
     """Objects of one time."""
-    offset = np.array([0, len(label)], np.int64)
+    offset, width = np.array([0, len(label)], np.int64), m.shape[1]
     return Objects(
-        np.array([time_ns], np.int64), offset, label, NAMES, UNITS, m, covariance=P, existence=r
+        np.array([time_ns], np.int64),
+        offset,
+        label,
+        NAMES[:width],
+        UNITS[:width],
+        m,
+        covariance=P,
+        existence=r,
     )

@@ -115,10 +115,10 @@ class State:
     cut: Cut = field(default_factory=dict)
 
 
-def init() -> State:
-    """Nothing is known."""
-    none = np.zeros(0, np.int64)
-    return State(Mixture(*births.none(), none, none), births.none(), 0, None)
+def init(width: int = 4) -> State:
+    """Nothing is known of targets whose state has so many entries."""
+    nothing, none = births.none(width), np.zeros(0, np.int64)
+    return State(Mixture(*nothing, none, none), nothing, 0, None)
 
 
 def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Array, Interval]:
@@ -147,7 +147,7 @@ def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Ar
     predicted = replace(
         state,
         mixture=Mixture(w, m, P, label, origin),
-        waiting=births.none(),
+        waiting=births.none(params.width),
         next_label=first + len(new[0]),
         time_ns=time_ns,
         cut={},

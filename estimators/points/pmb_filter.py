@@ -21,8 +21,8 @@ from .kernels.compiled.association import marginals
 from .kernels.compiled.pairs import matched
 from .kernels.gaussians import falling, strongest
 from .model.edge import Border, detection_probability
-from .model.sensing import UNKNOWN, Look, SensorParams, first, positions
-from .model.targets import VAGUE, Interval, elapse, newborn
+from .model.sensing import UNKNOWN, Look, SensorParams, positions
+from .model.targets import VAGUE, Interval, elapse, newborn, started
 from .modes import ModeParams, Modes, Way, initial, transitions
 from .pairs import Pairs, near
 from .times import Memory
@@ -121,10 +121,11 @@ class State:
 
 def init(params: Params) -> State:
     """No target is known."""
-    label, r, m, P = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 4)), np.zeros((0, 4, 4))
+    unborn = births.none(params.width)
+    label, (r, m, P) = np.zeros(0, np.int64), unborn
     modes = Modes.of(initial(params), m, P) if params.modes > 1 else None
     none = Tracks(label, r, m, P, modes)
-    return State(none, births.none(), Backlog(params.backlog), 0, None)
+    return State(none, unborn, Backlog(params.backlog), 0, None)
 
 
 def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval]:
@@ -284,7 +285,7 @@ def _first_detections(
     ------
     InputError : it is not known where the clutter lies
     """
-    m_even, P_even, rated = first(seen, np.array(params.birth_std_velocity))
+    m_even, P_even, rated = started(params, seen)
     n = len(m_even)
     even, backlog = np.zeros(n), state.backlog
     if params.birth == "detections" and params.birth_rate:

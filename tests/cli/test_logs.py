@@ -6,6 +6,7 @@ written it. The score of what comes out says that times, ranges, ids and truth c
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -204,16 +205,9 @@ def test_from_the_log_to_the_score(run, tmp_path: Path, monkeypatch, layout: str
     # Four ranges of 3 cm a tenth of a second leave some centimetres; marks 4 s apart cut corners.
     assert scores.value[0] < (0.6 if layout in SPARSE else 0.12)
     assert scores.n[0] > 100
-
-
-def test_the_picture(run, tmp_path: Path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for name, text in zip(
-        ("log.csv", "log.yaml", "g.csv"), next(iter(LAYOUTS.values())), strict=True
-    ):
-        Path(name).write_text(text)
-    run("convert", "--from", "csv", "log.csv", "--mapping", "log.yaml", "-o", "log.h5")
-    fast = ["--set", "learn=[]", "--set", "particles=300"]
-    run("estimate", "-e", "position", *fast, "log.h5", "-o", "est.h5")
+    # The picture: the truth and the estimates above the anchors, on time axes that start at 0.
     done = run("plot", "scene", "log.h5", "est.h5", "-o", "scene.svg")
-    assert done.code == 0 and "<svg" in Path("scene.svg").read_text()
+    assert done.code == 0, done.err
+    shown = set(re.findall(r"<text[^>]*>([^<]*)</text>", Path("scene.svg").read_text()))
+    assert {"truth, device", "position, device", "anchor"} <= shown
+    assert shown & {"0", "0.0"} and shown & {"15", "15.0"} and not any("e+" in t for t in shown)

@@ -11,7 +11,7 @@ from support import builders
 
 from echoset import formats
 from echoset.formats import leaves
-from echoset.models.records import Recording, Sensor, Truth
+from echoset.models.records import Recording, Sensor, Stream, Truth
 
 
 def made(**more) -> Recording:
@@ -90,6 +90,57 @@ def test_streams_and_sensors(run, file: Path, tmp_path: Path):
     assert found.streams["uwb"].rows["distance"].tolist() == [2.0 + 2 * k for k in range(30)]
     assert run("cut", file, "--streams", "R", "-o", tmp_path / "r.h5").code == 0
     assert set(formats.read(tmp_path / "r.h5").sensors) == {"R"}
+
+
+def tagged() -> Recording:
+    """The same with differences of distance to A and to B in turn, and the tag's odometry."""
+    record = made()
+    uwb = record.streams["uwb"]
+    n = len(uwb)
+    anchor = np.arange(n, dtype="i4") % 2
+    scan = {
+        "mode": np.full(n, 2, "u1"),
+        "tx": np.full(n, 2, "i4"),
+        "rx": anchor,
+        "reference": (1 - anchor).astype("i4"),
+    }
+    rows = {**uwb.rows, "distance": -uwb.rows["distance"]}
+    k = np.arange(300)
+    motion = Stream(
+        "odometry", ("D",), {}, k * 10**8, np.zeros(301, np.int64),
+        {"velocity_x": k / 10.0, "turn_rate": np.full(300, 0.1)}, {},
+    )  # fmt: skip
+    three = replace(uwb, nodes=("A", "B", "D"), scan=scan, rows=rows)
+    far = {**uwb.scan, "mode": scan["mode"], "reference": np.full(n, 3, "i4")}
+    four = replace(uwb, nodes=("A", "B", "D", "C"), scan=far, rows=rows)
+    streams = {**record.streams, "uwb": three, "far": four, "wheels": motion}
+    sensors = {**record.sensors, "C": Sensor.static("anchor", np.full(2, 5.0))}
+    return replace(record, sensors=sensors, streams=streams)
+
+
+@pytest.mark.parametrize("form", ["h5", "mcap"])
+def test_differences_and_odometry(run, tmp_path: Path, form: str):
+    """Halves make the whole; each n-th scan leaves out no motion; a difference has three ends."""
+    file, a, b, c = (tmp_path / f"{n}.{form}" for n in "fabc")
+    formats.write(tagged(), file, form)
+    assert run("cut", file, "--stop", 14.95, "-o", a).code == 0
+    assert run("cut", file, "--start", 14.96, "-o", b).code == 0
+    done = run("join", a, b, "-o", c)
+    assert done.code == 0, done.err
+    assert run("validate", "--strict", c).code == 0
+    assert content(formats.read(c)) == content(formats.read(file))
+    assert run("cut", file, "--every", 5, "-o", a, "--overwrite").code == 0
+    found = formats.read(a).streams
+    assert (found["uwb"].time_ns // 10**9).tolist() == [k for k in range(0, 30, 5) for _ in "AB"]
+    assert found["wheels"].scan["velocity_x"].tolist() == [k / 10 for k in range(300)]
+    assert run("cut", file, "--sensors", "A,B", "-o", a, "--overwrite").code == 0
+    found = formats.read(a).streams
+    assert len(found["uwb"]) == 60 and len(found["far"]) == 0 and len(found["wheels"]) == 300
+    assert run("cut", file, "--sensors", "A,C", "-o", a, "--overwrite").code == 0
+    found = formats.read(a).streams
+    assert len(found["uwb"]) == 0 and found["far"].scan["rx"].tolist() == [0] * 30
+    assert run("cut", file, "--streams", "wheels", "-o", a, "--overwrite").code == 0
+    assert set(formats.read(a).sensors) == {"D"}
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """What the classifier learns from, and that its network is PyTorch's."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 
 from echoset.campaign.scenarios import find
 from echoset.control import training
-from echoset.control.windows import join, scenes
+from echoset.control.windows import _varied, join, scenes
 from echoset.estimators.maps.detector import SHIPPED
 from echoset.estimators.maps.kernels.cnn import probabilities
 from echoset.formats import weights
@@ -60,6 +61,33 @@ def test_windows_are_about_the_targets(scene):
     middle, corner = power[:, 25:35, 25:35].mean((1, 2)), power[:, :10, :10].mean((1, 2))
     assert np.median(middle / corner) > 10
     assert np.bincount(windows.kind).tolist() == [8, 8]
+
+
+def test_scenes_vary_in_power_and_layout(scene):
+    """Ten draws lie in their ranges, about the middle of the area, and differ."""
+    area = (0.0, 40.0, -20.0, 20.0)
+    there = replace(scene, area=area, stations=((-30.0, 0.0, 0.0), (20.0, 50.0, -1.57)))
+    for one in (scene, there):
+        rng, found = np.random.default_rng(2), []
+        for _ in range(10):
+            varied = _varied(one, (20.0, 50.0), (0.7, 1.2), rng)
+            middle = (20.0, 0.0) if one is there else (0.0, 0.0)
+            d = np.hypot(*(varied.poses[:, :2] - middle).T)
+            assert 20 <= varied.eirp <= 50
+            assert (d >= 0.7 * 50 - 1e-9).all() and (d <= 1.2 * 50 + 1e-9).all()
+            np.testing.assert_array_equal(varied.poses[:, 3], one.poses[:, 3])
+            found.append((varied.eirp, d[0]))
+        assert len(set(found)) == 10
+    assert _varied(scene, None, (1.0, 1.0), rng) == scene
+
+
+def test_weights_say_how_they_were_made(scene, monkeypatch):
+    monkeypatch.setattr(training, "require_torch", lambda: type("t", (), {"__version__": "2"}))
+    accuracy = [training.Accuracy(3, 0.91234, 0.01, 48)]
+    made = training.story("jsc-6bs", scene, training.Params(scenes=5), 9, accuracy)
+    assert made["seed"] == 9 and made["settings"]["scenes"] == 5 and made["scene"]["eirp"] == 30.0
+    assert made["accuracy by stations"] == {"3": [0.9123, 0.01]}
+    assert json.loads(json.dumps(made))["settings"]["eirp"] == [20.0, 50.0]
 
 
 def test_training_learns_and_repeats(made):

@@ -55,6 +55,25 @@ def test_estimates_wait_for_what_comes(wait, expected):
     assert [int(e.steps["number"][0]) for e in found] == list(range(5))
 
 
+@pytest.mark.parametrize(("wait", "expected"), [(np.inf, 5), (2.0, 5)])
+def test_only_what_is_yielded_is_made(wait, expected):
+    made = []
+
+    def lazy(carried, record):
+        total, objects = backward(carried, record)
+
+        def make():
+            made.append(record)
+            return objects
+
+        return total, make
+
+    found = list(smoothed(forward([1, 2, 4, 8, 16]), lazy, wait))
+    own = list(smoothed(forward([1, 2, 4, 8, 16]), backward, wait))
+    assert [e.objects.state[0, 0] for e in found] == [e.objects.state[0, 0] for e in own]
+    assert len(made) == expected
+
+
 def test_what_has_waited_long_enough_is_not_kept_back():
     """With a lag of 2 s the first estimate comes with the third time."""
     seen = []

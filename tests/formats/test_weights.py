@@ -2,6 +2,7 @@
 
 import io
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -91,3 +92,34 @@ def test_a_huge_shape_takes_no_memory(tmp_path):
         archive.writestr("conv_weight.npy", header.getvalue())
     with pytest.raises(FormatError, match=r"conv_weight: has shape \(1099511627776,\)"):
         weights.read(tmp_path / "w.npz")
+
+
+def test_they_say_how_they_were_made(tmp_path):
+    """What was written is read; equal bytes; the arrays, and files without it, are as before."""
+    plain = weights.read(saved(tmp_path / "w.npz"))
+    made = {"seed": 7, "settings": {"scenes": 3}, "eirp": [20.0, 50.0]}
+    for name in ("a.npz", "b.npz"):
+        weights.write(tmp_path / name, replace(plain, made=made))
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    found = weights.read(tmp_path / "a.npz")
+    assert found.made == made and plain.made == {}
+    for a, b in zip(found.arrays().values(), plain.arrays().values(), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert np.load(tmp_path / "a.npz")["fc_bias"].shape == (2,)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"{", "made.json|JSON"),
+        (b"[1]", "is not an object"),
+        (b"\xff", "not UTF-8"),
+        (b" " * 70000, "longer than"),
+    ],
+)
+def test_how_they_were_made_must_be_json(tmp_path, text, message):
+    path = saved(tmp_path / "w.npz")
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("made.json", text)
+    with pytest.raises(FormatError, match=message):
+        weights.read(path)

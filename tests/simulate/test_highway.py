@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
+from echoset import formats
 from echoset.models import registry
 from echoset.models.checks import check
 from echoset.models.errors import ParameterError
@@ -85,3 +86,16 @@ def test_the_file_states_the_defaults_of_every_parameter():
 def test_refused(name, value):
     with pytest.raises(ParameterError, match=name):
         resolve(highway.Params, ("here", {name: value}))
+
+
+@pytest.mark.parametrize("form", ["h5", "mcap"])
+def test_both_formats_hold_doppler_and_its_ambiguity(form, tmp_path):
+    _, recording = made(steps=5)
+    stream = recording.streams["radar"]
+    rows = {**stream.rows, "std_doppler": np.full(len(stream.rows["doppler"]), 0.3)}
+    recording = replace(recording, streams={"radar": replace(stream, rows=rows)})
+    formats.write(recording, tmp_path / f"x.{form}", form)
+    found = formats.read(tmp_path / f"x.{form}").streams["radar"]
+    for name in ("doppler", "std_doppler"):
+        np.testing.assert_array_equal(found.rows[name], rows[name])
+    assert (found.model["doppler_max"], found.model["std_doppler"]) == (60.0, 0.2)

@@ -90,7 +90,7 @@ def explanations(now: Params, told: Params, may_learn_height: bool) -> list[Expl
     scale = {"range_scale_std": told.range_scale_std or SCALE_STD}
     height = {"device_height_std": told.device_height_std or HEIGHT_STD}
     if "range_bias_std" in off:
-        scale["range_bias_std"], height["range_bias_std"] = REST_STD
+        scale["range_bias_std"] = height["range_bias_std"] = REST_STD
     models: dict[str, Mapping[str, float]] = {
         "nothing": {},
         "offset": {"range_bias_std": told.range_bias_std or BIAS_STD},

@@ -1,4 +1,4 @@
-"""Where targets are expected to appear: Gaussian components (w, m, P) of the state x y vx vy."""
+"""Where targets are expected to appear: Gaussian components (w, m, P) of the state x y vx vy ..."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ Components = tuple[Array, Array, Array]
 """Weights (B,), means (B, 4) and covariances (B, 4, 4)."""
 
 
-def none() -> Components:
-    """No births."""
-    return np.zeros(0), np.zeros((0, 4)), np.zeros((0, 4, 4))
+def none(width: int = 4) -> Components:
+    """No births, of a state of so many entries."""
+    return np.zeros(0), np.zeros((0, width)), np.zeros((0, width, width))
 
 
 def join(a: Components, b: Components) -> Components:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ....models.motion import backwards
 from ....models.records import Array
 from .bernoulli import Mixture
 from .smoothing import Epoch, existed, rts
@@ -82,7 +83,7 @@ def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
     kept = np.flatnonzero(age >= -retrodict)
     before, age = later.origin[kept], age[kept]
     r, m, P = later.r[kept], later.m[kept], later.P[kept]
-    inverse = np.linalg.inv(F)
+    inverse = backwards(F)
     m_out, P_out = m @ inverse.T, inverse @ (P + Q) @ inverse.T
     here = np.flatnonzero(before >= 0)
     a = now.mixture.local.take(before[here])

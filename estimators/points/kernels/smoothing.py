@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ....models.motion import backwards
 from ....models.records import Array
 from .bernoulli import Mixture
 
@@ -62,7 +63,7 @@ def smooth(epochs: Sequence[Epoch], index: Array) -> tuple[Array, Array, Array, 
     begin = np.full(len(index), epochs[-1].time_ns)
     for now, after in zip(epochs[-2::-1], epochs[:0:-1], strict=True):
         index = np.append(after.mixture.local.origin, -1)[index]
-        F, back = after.F, np.linalg.inv(after.F)
+        F, back = after.F, backwards(after.F)
         m_all, P_all = m @ back.T, back @ (P + after.Q) @ back.T
         here = np.flatnonzero(index >= 0)
         a = now.mixture.local.take(index[here])

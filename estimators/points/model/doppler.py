@@ -119,24 +119,25 @@ def rates(
 
 
 def expansion(seen: Rates, above: Array, m: Array, P: Array) -> tuple[Array, Array, Array]:
-    """Mean (k,) of the rate of Gaussians m (k, 4), P, its slope H (k, 4), and what H leaves out.
+    """Mean (k,) of the rate of Gaussians m (k, dx), P, its slope H (k, dx), and what H leaves out.
 
     That is the variance (k,) by the second order; the mean has the second order in it.
     """
     d = m[:, :2] - seen.position
-    vr = m[:, 2:] - seen.velocity[:2]
+    vr = m[:, 2:4] - seen.velocity[:2]
     r = np.sqrt((d**2).sum(1) + above**2)
     r = np.maximum(r, 1e-6)
     along = ((d * vr).sum(1) - above * seen.velocity[2]) / r
     u = d / r[:, None]
-    H = np.hstack(((vr - along[:, None] * u) / r[:, None], u))
+    H = np.zeros_like(m)
+    H[:, :2], H[:, 2:4] = (vr - along[:, None] * u) / r[:, None], u
     across = np.eye(2) - u[:, :, None] * u[:, None, :]
     mixed = vr[:, :, None] * u[:, None, :]
-    G = np.zeros((len(m), 4, 4))
+    G = np.zeros_like(P)
     bent = across - 2 * u[:, :, None] * u[:, None, :]
     G[:, :2, :2] = -(mixed + mixed.swapaxes(1, 2) + along[:, None, None] * bent)
     G[:, :2, :2] /= r[:, None, None] ** 2
-    G[:, :2, 2:] = G[:, 2:, :2] = across / r[:, None, None]
+    G[:, :2, 2:4] = G[:, 2:4, :2] = across / r[:, None, None]
     GP = G @ P
     mean = along + np.trace(GP, axis1=1, axis2=2) / 2
     return mean, H, np.einsum("kab,kba->k", GP, GP) / 2
@@ -147,15 +148,15 @@ def beside(
 ) -> tuple[Array, Array, Array]:
     """What pairs expect, z_hat (k, 2), C (k, 4, 2), S (k, 2, 2), with Doppler as a third entry.
 
-    Pairs are of Gaussians m (k, 4), P and detections (k,) at places whose innovations are v (k, 2).
+    Pairs are of Gaussians m (k, dx), P and detections (k,), whose places have innovations v (k, 2).
     """
     K = np.linalg.solve(S, C.swapaxes(1, 2)).swapaxes(1, 2)
     shift = (K @ v[..., None])[..., 0]
     there = m + shift, P - K @ C.swapaxes(1, 2)
     mean, H, more = expansion(seen, seen.above[detection], *there)
     column = (P @ H[..., None])[..., 0]
-    k = len(m)
-    z_all, C_all, S_all = np.zeros((k, 3)), np.zeros((k, 4, 3)), np.zeros((k, 3, 3))
+    k, d = m.shape
+    z_all, C_all, S_all = np.zeros((k, 3)), np.zeros((k, d, 3)), np.zeros((k, 3, 3))
     z_all[:, :2], z_all[:, 2] = z_hat, mean - (H * shift).sum(1)
     C_all[:, :, :2], C_all[:, :, 2] = C, column
     S_all[:, :2, :2] = S
@@ -212,7 +213,7 @@ def corrected(
     seen: Rates, detection: Array, v: Array,
     m: Array, P: Array, z_hat: Array, C: Array, S: Array,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Means (k, 4) and covariances of pairs, m and P given the place, once Doppler has updated."""
+    """Means (k, dx) and covariances of pairs, m and P given the place, once Doppler has updated."""
     if not seen.updates:
         return m, P
     e, variance = left(seen, detection, v, z_hat, S)

@@ -13,7 +13,14 @@ import numpy as np
 
 from ....models.errors import InputError
 from ....models.geometry.regions import box, contains, polygon
-from ....models.motion import constant_velocity, white_acceleration
+from ....models.motion import (
+    backwards,
+    constant_acceleration,
+    constant_velocity,
+    coordinated_turn,
+    random_walk,
+    white_acceleration,
+)
 from ....models.parameters import parameter, require
 from ....models.records import Array, Recording
 from ..kernels import births
@@ -21,7 +28,9 @@ from ..kernels.compiled import gaussians
 from ..kernels.gaussians import moments
 from .sensing import STREAMS, Look, Motion, first
 
-NAMES, UNITS = ("x", "y", "vx", "vy"), ("m", "m", "m s-1", "m s-1")
+NAMES = ("x", "y", "vx", "vy", "ax", "ay")
+UNITS = ("m", "m", "m s-1", "m s-1", "m s-2", "m s-2")
+"""Of the state, whose acceleration is there with ``ca`` alone."""
 SECOND = 1.0
 """Step [s] of what is assumed per step, where several streams have no step in common."""
 MOST = 1000
@@ -35,10 +44,24 @@ BIRTHS = ("detections", "edge", "components")
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
 class TargetParams:
-    """Near constant velocity; p_survive and births hold for a step, or for ``time_unit``."""
+    """How targets move; p_survive and births hold for a step, or for ``time_unit``."""
 
     TITLE = "targets"
 
+    motion: str = parameter(
+        "cv",
+        "1",
+        "cv: nearly constant velocity; ca: nearly constant acceleration; ct: cv turning at "
+        "turn_rate; random-walk: x and y alone, by diffusion, for what stands",
+        within=("cv", "ca", "ct", "random-walk"),
+    )
+    jerk_density: float = parameter(
+        0.1, "m2 s-5", "of ca: white jerk in continuous time", within="(0, inf)"
+    )
+    birth_std_acceleration: float = parameter(
+        1.0, "m s-2", "of ca: spread of the acceleration", within="(0, inf)"
+    )
+    turn_rate: float = parameter(0.0, "rad s-1", "of ct: anticlockwise")
     std_acceleration: float = parameter(
         1.0, "m s-2", "white acceleration, constant over a step", within="[0, inf)"
     )
@@ -87,6 +110,11 @@ class TargetParams:
     birth_std_velocity: tuple[float, float] = parameter(
         (5.0, 5.0), "m s-1", "spread of velocity", within="(0, inf)"
     )
+
+    @property
+    def width(self) -> int:
+        """Entries of the state."""
+        return 6 if self.motion == "ca" else 4
 
     def __post_init__(self) -> None:
         if self.scene:
@@ -163,8 +191,15 @@ def elapse(params: TargetParams, last_ns: int | None, time_ns: int) -> Interval:
 
 def transition(params: TargetParams, dt: float) -> tuple[Array, Array]:
     """Transition F (4, 4) and covariance Q (4, 4) of the process noise over ``dt`` [s]."""
-    density = params.acceleration_density or 0.0
-    return _transition(params.std_acceleration, density, params.diffusion, dt)
+    if params.motion == "random-walk":
+        return random_walk(dt, params.diffusion)
+    if params.motion == "ca":
+        F, Q = constant_acceleration(dt, params.jerk_density)
+        return F, Q + params.diffusion * dt * np.eye(6)
+    density, rate = params.acceleration_density or 0.0, 0.0
+    if params.motion == "ct":
+        rate = params.turn_rate
+    return _transition(params.std_acceleration, density, params.diffusion, rate, dt)
 
 
 def within(params: TargetParams) -> Motion:
@@ -172,16 +207,21 @@ def within(params: TargetParams) -> Motion:
 
     def motion(dt: float) -> tuple[Array, Array]:
         F, Q = transition(params, abs(dt))
-        return (F, Q) if dt >= 0 else (np.linalg.inv(F), np.linalg.inv(F) @ Q @ np.linalg.inv(F).T)
+        if dt >= 0 or params.motion == "random-walk":
+            return F, Q
+        back = backwards(F)
+        return back, back @ Q @ back.T
 
     return motion
 
 
 @lru_cache(maxsize=16)
 def _transition(
-    std_acceleration: float, density: float, diffusion: float, dt: float
+    std_acceleration: float, density: float, diffusion: float, turn_rate: float, dt: float
 ) -> tuple[Array, Array]:
     F, G = constant_velocity(dt)
+    if turn_rate:
+        F = coordinated_turn(dt, turn_rate)
     Q = density * white_acceleration(dt) if density else std_acceleration**2 * G @ G.T
     return F, Q + diffusion * dt * np.eye(4)
 
@@ -191,6 +231,22 @@ def appeared(p_survive: float, start: float, stop: float) -> float:
     if p_survive == 1:
         return stop - start
     return float((p_survive**start - p_survive**stop) / (1 - p_survive))
+
+
+def widened(params: TargetParams, m: Array, P: Array) -> tuple[Array, Array]:
+    """Means (n, 4) and covariances with the acceleration, where the state has it: about 0."""
+    if params.width == m.shape[1]:
+        return m, P
+    wide = np.zeros((len(m), 6, 6))
+    wide[:, :4, :4] = P
+    wide[:, 4, 4] = wide[:, 5, 5] = params.birth_std_acceleration**2
+    return np.hstack((m, np.zeros((len(m), 2)))), wide
+
+
+def started(params: TargetParams, look: Look) -> tuple[Array, Array, Array]:
+    """:func:`.sensing.first`: targets that nothing but the detections of a look tells of."""
+    m, P, density = first(look, np.array(params.birth_std_velocity))
+    return *widened(params, m, P), density
 
 
 def newborn(params: TargetParams, interval: Interval) -> births.Components:
@@ -210,7 +266,8 @@ def newborn(params: TargetParams, interval: Interval) -> births.Components:
             np.array(params.birth_std_velocity),
         )
     else:
-        return births.none()
+        return births.none(params.width)
+    m, P = widened(params, m, P)
     n = interval.steps
     if n <= 1 or not len(w):
         return w * appeared(params.p_survive, 0.0, n), m, P
@@ -230,7 +287,7 @@ def _aged(
     m_all, P_all = (np.stack(columns, axis=1) for columns in zip(*moved, strict=True))
     share = np.cumsum(alive) / alive.sum()
     group = np.minimum((share * _GROUPS * (1 - 1e-12)).astype(int), _GROUPS - 1)
-    found = births.none()
+    found = births.none(params.width)
     for g in np.unique(group):
         at = group == g
         parts = [
@@ -250,11 +307,11 @@ def born(
     share what appeared in the ``interval``.
     """
     if params.birth != "detections" or not looks:
-        return births.none(), 0.0
+        return births.none(params.width), 0.0
     rate = params.birth_rate * appeared(params.p_survive, 0.0, interval.steps)
     new = np.clip(np.concatenate(novelty), 0.0, 1.0)
-    std = np.array(params.birth_std_velocity)
-    m, P = (np.concatenate([first(look, std)[k] for look in looks]) for k in (0, 1))
+    each = [started(params, look) for look in looks]
+    m, P = (np.concatenate([one[k] for one in each]) for k in (0, 1))
     most = limit(params.max_births, len(new), 1, 1)
     found = births.at_detections(rate, m, P, new, most)
     return found, max(float(births.shares(rate, new).sum() - found[0].sum()), 0.0)

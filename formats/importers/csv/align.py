@@ -60,7 +60,11 @@ def align(
     if inside.sum() < _LEAST:
         inside = (time >= known[0]) & (time <= known[-1])
     if inside.sum() < _LEAST:
-        raise InputError(f"truth: align needs {_LEAST} ranges within the times of the truth")
+        spans = f"it is from {known[0]:.9g} to {known[-1]:.9g} s"
+        if len(time):
+            spans += f", the ranges from {time.min():.9g} to {time.max():.9g} s"
+        hint = "tell about by how much its clock differs, 'clock: {offset: ...}'"
+        raise InputError(f"truth: align needs {_LEAST} ranges within its times: {spans}: {hint}")
     # Times since 1970 have too few digits left for the small steps of a derivative.
     time, distance, anchor = time[inside] - known[0], distance[inside], anchor[inside]
     known = known - known[0]

@@ -52,6 +52,10 @@ def propose(path: Path) -> str:
     return "\n".join([*out, *_Proposal(log.columns, log.header).lines()]) + "\n"
 
 
+_SECONDS = {"s": 299792458, "ms": 299792.458, "us": 299.792458, "ns": 0.299792458}
+"""What makes metres of differences of time."""
+
+
 class _Proposal:
     """Takes the columns one role after the other, and writes the lines of the mapping."""
 
@@ -213,6 +217,12 @@ class _Proposal:
 
     def _long(self) -> list[str]:
         """The lines of one distance a row, with its anchor."""
+        reference = self.take("reference", lambda c: True)
+        difference = self.take("difference") if reference is not None else None
+        if reference is not None and difference is not None:
+            return self._differences(reference, difference)
+        if reference is not None:
+            self.free.append(reference)
         distance = self.take("distance") or self.take("range")
         if distance is None:
             distance = next((c for c in self.free if c.numeric and _distance(c)), None)
@@ -243,6 +253,20 @@ class _Proposal:
         lines += [] if std is None else [_field("std", std, "length")]
         self._skip([distance], "distance")
         return [*lines, *self._uwb_end(std)]
+
+    def _differences(self, reference: Column, difference: Column) -> list[str]:
+        """The lines of a difference of distance or of time a row, and of the anchors it is of."""
+        anchor = self.take("anchor", lambda c: True)
+        ids = set(reference.text) | set(anchor.text if anchor is not None else [])
+        self.anchors = sorted(ids - {""})
+        seconds = _SECONDS.get(difference.unit)
+        told = f"{{column: {dump(difference.name)}, scale: {seconds}}}"
+        line = (
+            _field("distance", difference, "length") if seconds is None else f"  distance: {told}"
+        )
+        name = dump(anchor.name) if anchor is not None else "ANCHOR  # FILL IN"
+        lines = [line, f"  anchor: {name}", f"  reference: {dump(reference.name)}"]
+        return [*lines, *self._device(), *self._uwb_end(None)]
 
     def _uwb_end(self, std: Column | None) -> list[str]:
         anchors = getattr(self, "anchors", ["A"])

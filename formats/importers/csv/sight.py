@@ -28,6 +28,8 @@ _ROLES: dict[str, str] = {
     "anchor": r"anchor|anchor_?id|node|node_?id|beacon|station|base|responder|dst|to|peer|addr",
     "device": r"tag|tag_?id|device|device_?id|mobile|rover|initiator|src|from|uwb_?id",
     "distance": r"range|distance|dist|ranging|rng|d|measured_?distance|range_?raw",
+    "reference": r"ref|reference|ref_?anchor|reference_?anchor|ref_?id|anchor_?ref|master",
+    "difference": r"tdoa|ddoa|dt|dd|diff|difference|delta|range_?diff(erence)?|time_?diff(erence)?",
     "std": r"std|sigma|stddev|range_?std|accuracy",
     "kind": r"kind|type|meas_?type|measurement_?type|msg|message",
     "quality": r"quality|q|fom|rssi|snr|conf|confidence|power|los|nlos",

@@ -75,8 +75,9 @@ class Bag:
             self._reader = self._open(Reader)
             if prove:
                 self._prove()
-            kinds = [(c.topic, c.msgtype, c.msgcount) for c in self._reader.connections]
-            own = [(c.msgtype, c.msgdef.data) for c in self._reader.connections if _is_msg(c)]
+            found = self._reader.connections
+            kinds = [(_text_of(c.topic), _text_of(c.msgtype), int(c.msgcount)) for c in found]
+            own = [(c.msgtype, c.msgdef.data) for c in found if _is_msg(c)]
         except Exception as error:
             self.close()
             if not recover:
@@ -251,6 +252,13 @@ def stamp(message: Any, log: int, time: str) -> int:
         return log
     told = message.header.stamp
     return int(told.sec) * 10**9 + int(told.nanosec)
+
+
+def _text_of(value: object) -> str:
+    """A name that is one, as those of a damaged database need not be."""
+    if not isinstance(value, str) or not value:
+        raise ValueError("a topic has no name or no type")
+    return value
 
 
 def _is_msg(connection: Any) -> bool:

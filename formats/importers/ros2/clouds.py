@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -71,39 +72,56 @@ def columns(
 
 
 def _cloud(message: Any, wanted: Mapping[str, Wanted], path: object) -> Rows:
-    fields = {f.name: f for f in message.fields}
-    names = found(list(fields), wanted, path)
-    count, step = int(message.width) * int(message.height), int(message.point_step)
-    order = ">" if message.is_bigendian else "<"
-    for key in ("x", "y"):
-        if key not in names:
-            listed = " ".join(fields) or "none"
-            raise FormatError(path, "", f"points have no field {key}: there are {listed}")
-    known = [fields[name] for name in names.values()]
-    for f in known:
-        size = int(_TYPES.get(f.datatype, "f0")[1:])
-        if not size or f.count not in (0, 1) or f.offset + size > step:
-            raise FormatError(path, "", f"field {f.name} of points is no number in them")
-    row, height = int(message.row_step), int(message.height)
+    fields = tuple((f.name, f.offset, f.datatype, f.count) for f in message.fields)
+    step, big = int(message.point_step), bool(message.is_bigendian)
+    kind = _layout(fields, tuple(wanted.items()), step, big, str(path))
+    count, row, height = int(message.width) * int(message.height), message.row_step, message.height
     data = np.asarray(message.data, np.uint8)
     if count > _BOUND or (count and (row < step * int(message.width) or len(data) < row * height)):
         raise FormatError(path, "", f"a cloud of {count} points holds {len(data)} bytes")
     if height > 1 and row != step * int(message.width):
         data = data[: row * height].reshape(height, row)[:, : step * int(message.width)]
-    kind = np.dtype(
+    points = np.frombuffer(np.ascontiguousarray(data), kind, count)
+    rows = {}
+    for name in kind.names or ():
+        own = wanted.get(name)
+        values = points[name].astype(np.float64)
+        rows[name] = values if own is None else to_si(values, own.unit, name) * own.scale
+    return _finite(rows)
+
+
+@lru_cache(64)
+def _layout(
+    fields: tuple[tuple[str, int, int, int], ...],
+    wanted: tuple[tuple[str, Wanted], ...],
+    step: int,
+    big: bool,
+    path: str,
+) -> np.dtype[Any]:
+    """Where the columns of points stand in ``step`` bytes, from name, offset, type and count."""
+    known = {name: (offset, datatype, count) for name, offset, datatype, count in fields}
+    names = found(list(known), dict(wanted), path)
+    for key in ("x", "y"):
+        if key not in names:
+            raise FormatError(path, "", f"points have no field {key}: there are {_listed(known)}")
+    for name in names.values():
+        offset, datatype, count = known[name]
+        size = int(_TYPES.get(datatype, "f0")[1:])
+        if not size or count not in (0, 1) or offset + size > step:
+            raise FormatError(path, "", f"field {name} of points is no number in them")
+    order = ">" if big else "<"
+    return np.dtype(
         {
             "names": list(names),
-            "formats": [order + _TYPES[f.datatype] for f in known],
-            "offsets": [f.offset for f in known],
+            "formats": [order + _TYPES[known[name][1]] for name in names.values()],
+            "offsets": [known[name][0] for name in names.values()],
             "itemsize": step,
         }
     )
-    points = np.frombuffer(np.ascontiguousarray(data).tobytes()[: count * step], kind)
-    rows = {}
-    for name in names:
-        own = wanted.get(name, Wanted())
-        rows[name] = to_si(points[name].astype(np.float64), own.unit, name) * own.scale
-    return _finite(rows)
+
+
+def _listed(fields: Mapping[str, object]) -> str:
+    return " ".join(fields) or "none"
 
 
 def found(fields: list[str], wanted: Mapping[str, Wanted], path: object) -> dict[str, str]:

@@ -128,6 +128,23 @@ def test_radar_tables(tmp_path: Path):
     }  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("header", "value"), [("dt_ns", 10.0), ("tdoa_m", 2.99792458), ("range_diff_mm", 2997.92458)]
+)
+def test_differences_to_a_reference(tmp_path: Path, header: str, value: float):
+    """The second anchor is farther by 10 ns, the third nearer: no row is skipped for that."""
+    log = tmp_path / "log.csv"
+    log.write_text(f"t,ref,anchor,{header}\n" + f"0,A0,A1,{value}\n0,A0,A2,{-value}\n" * 5)
+    text = propose(log)
+    assert "skip" not in text and "reference: ref" in text
+    said = parse(text.replace("[x, y]", "[0, 0]"), "proposal")
+    said["shared_times"] = True
+    found = csv.read([log], csv.Params(said)).streams["uwb"]
+    assert sorted(found.nodes) == ["A0", "A1", "A2", "device"]
+    np.testing.assert_allclose(np.abs(found.rows["distance"]), 2.99792458, rtol=1e-12)
+    assert (found.scan["reference"] == found.nodes.index("A0")).all()
+
+
 def test_guesses_and_gaps_are_marked(tmp_path: Path):
     log = tmp_path / "log.csv"
     log.write_text("a,b,c\n0,1,7.5\n1,2,8.5\n2,1,9.0\n")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -9,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer as McapWriter
 
 from echoset.formats.importers import ros2
 from echoset.models.errors import EchosetError, FormatError, InputError, ParameterError
@@ -403,16 +406,73 @@ def test_windows_are_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         imported(late)
 
 
+def clouds(count: int) -> list[tuple[str, int, Any]]:
+    """Clouds of 40 points that all have the number of the cloud as coordinates."""
+    points = [np.full((40, 5), float(k), np.float32) for k in range(count)]
+    return [("/a", T0 + k * 10**7, cloud(T0 + k * 10**7, p)) for k, p in enumerate(points)]
+
+
+def checked(bag: Path, out: Path, per_chunk: int) -> bytes:
+    """The messages of a bag in a file with all checksums, as recorders write it."""
+    with out.open("wb") as file, (next(bag.glob("*.mcap"))).open("rb") as source:
+        writer = McapWriter(file, chunk_size=per_chunk, enable_data_crcs=True)
+        writer.start("ros2", "test")
+        channels: dict[str, int] = {}
+        for schema, channel, message in make_reader(source).iter_messages():
+            if channel.topic not in channels:
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, "cdr", known)
+            at = message.log_time
+            writer.add_message(channels[channel.topic], at, message.data, at)
+        writer.finish()
+    return out.read_bytes()
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(1100, marks=pytest.mark.verification)])
+def test_damaged_bags_with_checksums(tmp_path: Path, count: int):
+    """Cut or changed anywhere: refused in a line; with ``recover``, the messages before it."""
+    data = checked(write(tmp_path / "bag", clouds(100)), tmp_path / "whole.mcap", 5000)
+    whole = imported(tmp_path / "whole.mcap").streams["a"]
+    rng = np.random.default_rng(5)
+    broken = tmp_path / "broken.mcap"
+    part = 0
+    for k in range(count):
+        if k % 11 == 0:
+            broken.write_bytes(data[: int(rng.integers(len(data)))])
+        else:
+            changed = bytearray(data)
+            changed[int(rng.integers(len(data)))] ^= int(rng.integers(1, 256))
+            broken.write_bytes(changed)
+        try:
+            found = imported(broken).streams["a"]
+            # What is not covered by a checksum says nothing: the library's name, say.
+            np.testing.assert_array_equal(found.rows["x"], whole.rows["x"])
+            np.testing.assert_array_equal(found.time_ns, whole.time_ns)
+        except EchosetError as error:
+            assert "\n" not in str(error)
+        try:
+            found = imported(broken, recover=True)
+            stream = found.streams["a"]
+            np.testing.assert_array_equal(stream.time_ns, whole.time_ns[: len(stream)])
+            m = stream.row_offset[-1]
+            np.testing.assert_array_equal(stream.rows["x"], whole.rows["x"][:m])
+            part += len(stream) < len(whole)
+        except EchosetError as error:
+            assert "\n" not in str(error)
+    assert part > count / 3
+
+
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-@pytest.mark.parametrize("count", [15, pytest.param(300, marks=pytest.mark.verification)])
-def test_damaged_bags(tmp_path: Path, plugin: Any, count: int):
+@pytest.mark.parametrize("count", [15, pytest.param(1100, marks=pytest.mark.verification)])
+def test_damaged_bags_without_checksums(tmp_path: Path, plugin: Any, count: int):
+    """Numbers may be others, since nothing tells; all else is refused in a line."""
     bag = write(tmp_path / "bag", drive(), plugin)
     (file,) = (p for p in bag.iterdir() if p.suffix in (".mcap", ".db3"))
     data = file.read_bytes()
     rng = np.random.default_rng(5)
     broken = tmp_path / f"broken{file.suffix}"
     for k in range(count):
-        if k % 3 == 0:
+        if k % 11 == 0:
             broken.write_bytes(data[: int(rng.integers(len(data)))])
         else:
             changed = bytearray(data)
@@ -423,6 +483,36 @@ def test_damaged_bags(tmp_path: Path, plugin: Any, count: int):
                 imported(broken, recover=recover)
             except EchosetError as error:
                 assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_a_bag_that_was_cut(tmp_path: Path, plugin: Any, capfd: pytest.CaptureFixture[str]):
+    """The commands: exit code 4 and no output, or what is whole and exit code 3."""
+    from echoset import formats
+    from echoset.cli.main import main
+
+    bag = write(tmp_path / "bag", clouds(400), plugin)
+    if plugin == StoragePlugin.MCAP:
+        path = tmp_path / "cut.mcap"
+        checked(bag, path, 20_000)
+    else:
+        path = tmp_path / "cut.db3"
+        path.write_bytes((bag / "bag.db3").read_bytes())
+    os.truncate(path, path.stat().st_size * 6 // 10)
+    out = tmp_path / "a.h5"
+    command = ["convert", "--from", "ros2", str(path), "-o", str(out)]
+    assert main(command) == 4 and not out.exists()
+    assert capfd.readouterr().err.count("\n") == 1
+    assert main([*command, "--recover"]) == 3
+    assert "recovered" in capfd.readouterr().err
+    record = formats.read(out)
+    stream, told = record.streams["a"], record.meta.provenance["recovered"]
+    assert 100 < len(stream) == told["messages"] < 400 and told["damage"]
+    np.testing.assert_array_equal(stream.rows["x"], np.repeat(np.arange(len(stream)), 40))
+    assert main(["validate", "--strict", str(out)]) == 0
+    whole = ["convert", "--from", "ros2", str(bag), "-o", str(out), "--overwrite", "--recover"]
+    assert main(whole) == 0
+    assert "recovered" not in formats.read(out).meta.provenance
 
 
 def test_without_rosbags_the_command_that_installs_it_is_said(tmp_path: Path, monkeypatch):
@@ -446,6 +536,11 @@ def test_the_commands(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
         target = tmp_path / f"a.{suffix}"
         assert main(["convert", "--from", "ros2", str(bag), "-o", str(target)]) == 0
         assert main(["validate", "--strict", str(target)]) == 0
+    # Viewers show it over the bag's own times: those of the headers.
+    with (tmp_path / "a.mcap").open("rb") as made:
+        told = make_reader(made).iter_messages(topics="/radar/radar_points/detections")
+        stamps = [message.log_time for _, _, message in told]
+    assert stamps == [T0 + k * 10**8 + 5 * 10**7 for k in range(4)]
     (file,) = bag.glob("*.mcap")
     assert main(["validate", str(file)]) == 4
     assert "try echoset convert --from ros2" in capfd.readouterr().err
