@@ -129,15 +129,17 @@ def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
 
 
 def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
-    """All times at the end, by the trajectories of the hypothesis that is best then."""
+    """All times at the end, by the trajectories of the hypothesis that is best then.
+
+    How far a target has travelled is known of its whole trajectory, before any of it is shown.
+    """
     params, meta = context.params, context.setup.meta
-    moved: set[int] = set()
+    end: dict[int, Array] = {}
+    farthest: dict[int, float] = {}
     classes: dict[int, Array] = {}
 
     def forward() -> Iterator[tuple[Estimates, Epoch]]:
         for state, epoch in through(context, scans, init(params.width), step):
-            if params.min_travel:
-                moved.update(_moved(state.mixture, set(), params))
             classes.update(state.memory.classes)
             x, none = state.mixture, np.zeros(0, np.int64)
             nobody = _listed(epoch.time_ns, none, x.local.r[none], x.local.m[none], x.local.P[none])
@@ -146,12 +148,21 @@ def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimate
     def backward(later: Paths | None, epoch: Epoch) -> tuple[Paths, Objects]:
         x = back(later, epoch, params.retrodict)
         shown = x.r >= params.extract_smoothed
-        if params.min_travel:
-            shown &= np.isin(x.label, list(moved))
+        # What is straight on before the first detection is no way that was seen.
+        for i in np.flatnonzero(shown & (x.age >= 0)) if params.min_travel else ():
+            label, here = int(x.label[i]), x.m[i, :2]
+            way = float(np.hypot(*(here - end.setdefault(label, here))))
+            farthest[label] = max(way, farthest.get(label, 0.0))
         found = _listed(epoch.time_ns, x.label[shown], x.r[shown], x.m[shown], x.P[shown])
         return x, context.source.named(found, classes)
 
-    return smoothed(forward(), backward, inf)
+    for estimates in smoothed(forward(), backward, inf):
+        x = estimates.objects
+        if params.min_travel:
+            way = np.array([farthest.get(label, 0.0) for label in x.label.tolist()])
+            rows = np.flatnonzero(way >= params.min_travel)
+            estimates = replace(estimates, objects=x.take(rows, x.time_ns, np.array([len(rows)])))
+        yield estimates
 
 
 def _lagging(context: Context[Params], scans: Iterable[Scan], lag: float) -> Iterator[Estimates]:

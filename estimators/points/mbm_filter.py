@@ -119,7 +119,8 @@ class Params(TrailParams, BacklogParams, FilterParams):
     min_travel: float = parameter(
         0.0,
         "m",
-        "only tracks that have been as far from where they began: leaves out what lies",
+        "only tracks that have been as far from where they began, or smoothed from where they end: "
+        "leaves out what lies",
         within="[0, inf)",
     )
     lag: float = parameter(

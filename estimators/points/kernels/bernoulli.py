@@ -121,9 +121,9 @@ class Mixture:
         link, part = np.nonzero(self.heir[:, None] == old)
         return replace(
             self,
-            w=self.w[:, old],
+            w=self.w.take(old, axis=1),
             group=group,
-            parent=self.parent[:, link],
+            parent=self.parent.take(link, axis=1),
             came=self.came[link],
             heir=part,
         )
@@ -249,7 +249,7 @@ def _by_group(
     with its marginals. Also the group ``of`` (M,) each detection, how probably (M,) such tracks
     made it, and of how many groups they are.
     """
-    l, i = np.nonzero(near)
+    l, i = map(np.ascontiguousarray, np.nonzero(near))
     part, seen = groups.together(_owner(mixture)[l], i, mixture.w.shape[1], near.shape[1])
     over = np.zeros(part.max(initial=-1) + 1, bool)
     while True:

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from .....models.records import Array
+from .gaussians import _cholesky
 
 
 @njit(cache=True)
@@ -18,22 +19,26 @@ def group(
     leader = np.full(L, -1)
     r_out, m_out, P_out, visible_out = r.copy(), m.copy(), P.copy(), visible.copy()
     order = np.argsort(-weight, kind="mergesort")
-    near, inverse = np.empty(L, np.int64), np.empty((d, d))
+    near, root, e = np.empty(L, np.int64), np.zeros((d, d)), np.empty(d)
     for at in range(L):
         l = order[at]
         if leader[l] >= 0:
             continue
-        leader[l], near[0], size, inverted = l, l, 1, False
+        leader[l], near[0], size, known = l, l, 1, False
         for later in range(at + 1, L):
             j = order[later]
             if leader[j] >= 0 or track[j] != track[l] or abs(r[j] - r[l]) > existence:
                 continue
-            if not inverted:
-                inverse, inverted = np.linalg.inv(P[l]), True
+            if not known:
+                _cholesky(P[l], root)
+                known = True
             d2 = 0.0
             for a in range(d):
-                for b in range(d):
-                    d2 += (m[j, a] - m[l, a]) * inverse[a, b] * (m[j, b] - m[l, b])
+                e[a] = m[j, a] - m[l, a]
+                for b in range(a):
+                    e[a] -= root[a, b] * e[b]
+                e[a] /= root[a, a]
+                d2 += e[a] * e[a]
             if d2 <= distance:
                 leader[j] = l
                 near[size] = j
@@ -47,10 +52,14 @@ def group(
         m_out[l], P_out[l], visible_out[l] = 0.0, 0.0, 0.0
         for j in near[:size]:
             share = weight[j] * r[j] / mass
-            m_out[l] += share * m[j]
             visible_out[l] += share * visible[j]
+            for a in range(d):
+                m_out[l, a] += share * m[j, a]
         for j in near[:size]:
-            v = m[j] - m_out[l]
-            P_out[l] += weight[j] * r[j] / mass * (P[j] + np.outer(v, v))
+            share = weight[j] * r[j] / mass
+            for a in range(d):
+                for b in range(d):
+                    spread = (m[j, a] - m_out[l, a]) * (m[j, b] - m_out[l, b])
+                    P_out[l, a, b] += share * (P[j, a, b] + spread)
         r_out[l] = mass / total
     return leader, r_out, m_out, P_out, visible_out

@@ -17,7 +17,8 @@ def members(group: Array, C: int) -> tuple[Array, Array]:
     for i in range(len(group)):
         if group[i] >= 0:
             start[group[i] + 1] += 1
-    start = np.cumsum(start)
+    for c in range(C):
+        start[c + 1] += start[c]
     place, order = start.copy(), np.empty(start[C], np.int64)
     for i in range(len(group)):
         if group[i] >= 0:
@@ -86,7 +87,8 @@ def join(w: Array, into: Array, k: int, gap: float) -> tuple[Array, Array, Array
                 for b in range(at):
                     row[i, some[b]] = -1
             n = kept
-        share[c] = weight.sum()
+        for i in range(n):
+            share[c] += weight[i]
         for i in range(n):
             w_new[i, c] = weight[i] / share[c]
         size = max(size, n)
@@ -96,16 +98,19 @@ def join(w: Array, into: Array, k: int, gap: float) -> tuple[Array, Array, Array
 @njit(cache=True)
 def _k_best_of_one(costs: Array, k: int, gap: float) -> tuple[Array, Array, Array]:
     """:func:`k_best` where there is one row, which may have any column."""
-    m = costs.shape[2]
-    flat = costs.ravel()
-    order = np.argsort(flat, kind="mergesort")[:k]
-    size = 0
-    while size < len(order) and flat[order[size]] <= flat[order[0]] + gap:
+    G, _, m = costs.shape
+    flat = np.empty(G * m)
+    for g in range(G):
+        flat[g * m : (g + 1) * m] = costs[g, 0]
+    order, size = np.argsort(flat, kind="mergesort"), 0
+    while size < min(k, G * m) and flat[order[size]] <= flat[order[0]] + gap:
         if flat[order[size]] == np.inf:
             break
         size += 1
-    order = order[:size]
-    return order // m, (order % m).reshape(size, 1), flat[order]
+    row, column, cost = np.empty(size, np.int64), np.empty((size, 1), np.int64), np.empty(size)
+    for s in range(size):
+        row[s], column[s, 0], cost[s] = order[s] // m, order[s] % m, flat[order[s]]
+    return row, column, cost
 
 
 @njit(cache=True)

@@ -129,7 +129,8 @@ def k_best(costs: Array, k: int, gap: float = np.inf) -> tuple[Array, Array, Arr
     choices = np.zeros((G, n), np.int64)
     for g in range(G):
         for i in range(n):
-            choices[g, i] = (costs[g, i] < np.inf).sum()
+            for j in range(m):
+                choices[g, i] += costs[g, i, j] < np.inf
         x, u, v, feasible = _solve(costs[g])
         slot = _insert(order, size, cost, _total(costs[g], x)) if feasible else -1
         if slot >= 0:
