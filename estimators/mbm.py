@@ -31,7 +31,7 @@ PRESETS = Presets("echoset.estimators.points", "mbm")
 
 
 @dataclass(frozen=True)
-class Params(JoinedParams, mbm_filter.Params):
+class Params(mbm_filter.Params, JoinedParams):
     """The filter's, and the way from maps to detections."""
 
     def __post_init__(self) -> None:

@@ -31,7 +31,7 @@ PRESETS = Presets("echoset.estimators.points", "phd")
 
 
 @dataclass(frozen=True)
-class Params(JoinedParams, phd_filter.Params):
+class Params(phd_filter.Params, JoinedParams):
     """The filter's, and the way from maps to detections."""
 
     def __post_init__(self) -> None:

@@ -31,7 +31,7 @@ PRESETS = Presets("echoset.estimators.points", "pmb")
 
 
 @dataclass(frozen=True)
-class Params(JoinedParams, pmb_filter.Params):
+class Params(pmb_filter.Params, JoinedParams):
     """The filter's, and the way from maps to detections."""
 
     def __post_init__(self) -> None:
