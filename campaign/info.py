@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
 from .. import formats
@@ -14,7 +14,7 @@ from ..models.names import printable
 from .files.inputs import SCORES, label, spooled
 
 WEIGHTS = ".npz"
-"""The suffix of weights of a classifier."""
+"""The suffix of weights of a classifier, unless it is that of a format."""
 
 
 def inspect(file: str) -> dict[str, Any]:
@@ -23,7 +23,7 @@ def inspect(file: str) -> dict[str, Any]:
     if listed is not None:
         return listed
     with spooled(file) as path:
-        if PurePath(file).suffix == WEIGHTS:
+        if PurePath(file).suffix == WEIGHTS and not formats.suffix_format(Path(file), ""):
             made = weights.read(path).made
             return {"kind": "weights", "sha256": weights.sha256(path), "made": made}
         if PurePath(file).suffix not in SCORES:
