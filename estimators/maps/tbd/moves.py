@@ -60,7 +60,7 @@ def best(
     at = windows(view.layout, place[0], place[1], REACH[VEHICLE])
     tried: list[list[tuple[float, Array, float]]] = [[], []]
     for kind, where, heading in proposals(place, params):
-        x = np.array([*where, heading, 0.0, 0.0, 0.0])
+        x = np.array([*where, heading, 0.0, 0.0, 0.0, 0.0])
         gain, _, _ = view.fit(mean, kind, x, at, params.shape, False)
         tried[kind].append((gain, where, heading))
     found = []

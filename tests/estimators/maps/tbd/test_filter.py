@@ -8,7 +8,7 @@ import pytest
 import echoset
 from echoset.campaign.scenarios import find
 from echoset.estimators.maps.tbd import filter as tbd
-from echoset.estimators.maps.tbd.scene import Layout
+from echoset.estimators.maps.tbd.scene import Layout, View
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError
 from echoset.models.parameters import resolve
@@ -38,6 +38,20 @@ def true_at(recording, k):
 @pytest.fixture(scope="module")
 def recording():
     return simulated(scans=14)
+
+
+def test_kernels_are_given_whole_targets(recording, monkeypatch):
+    """Compiled code reads entries that are not there without a word."""
+    lengths = set()
+
+    def fit(view, rest, kind, target, *rest_of_it):
+        lengths.add(len(target))
+        return plain(view, rest, kind, target, *rest_of_it)
+
+    plain = View.fit
+    monkeypatch.setattr(View, "fit", fit)
+    next(tbd.estimate(recording.setup(), recording.scans(), tbd.Params(), None))
+    assert lengths == {7}
 
 
 def test_all_are_found_with_their_classes(recording):
