@@ -237,7 +237,7 @@ def table(
         return Births(np.zeros((0, 3)), np.zeros(0), 1.0, 0.0)
     M = len(scene.weight)
     points = scene.z.T[rng.random(M) < params.table_points / max(M, 1)]
-    points = points[((points >= scene.lower) & (points <= scene.upper)).all(1)]
+    points = points[gsncp.inside(points, scene.lower, scene.upper)]
     if not len(points):
         return Births(points, np.zeros(0), 1.0, float(np.log(intensity[0] * D * E)))
     e = rng.uniform(scene.e_lower, scene.e_upper, (params.table_extents, 6))

@@ -128,9 +128,7 @@ def targets(z: Array, S: Array, label: Array, params: Params) -> Array:
 
 def within(z: Array, label: Array, params: Params) -> Array:
     """Labels (M,) of the clusters that have a detection in the region, numbered anew."""
-    lower, upper = params.box
-    inside = ((z >= lower) & (z <= upper)).all(1)
-    kept = np.unique(label[inside & (label >= 0)])
+    kept = np.unique(label[gsncp.inside(z, *params.box) & (label >= 0)])
     number = np.full(label.max(initial=-1) + 2, -1)
     number[kept] = np.arange(len(kept))
     return number[label]

@@ -14,7 +14,7 @@ from ...models.geometry.grids import Grid
 from ...models.parameters import per_stream
 from ...models.records import Array, Recording, Scan
 from . import plane
-from .kernels.posterior import Scene
+from .kernels.posterior import Scene, inside
 from .params import SceneParams
 from .sensors import SensorState, sensor_state
 
@@ -101,7 +101,6 @@ def scene(params: SceneParams, states: Iterable[SensorState], grid: Grid, **birt
     afford(params, grid, len(states))
     z = np.concatenate([s.z for s in states])
     lower, upper = params.box
-    inside = ((z >= lower) & (z <= upper)).all(1)
     outside = np.array([params.p_false, *np.eye(3)[np.triu_indices(3)] * params.outside_variance])
     if params.dimension == 2:
         outside = plane.sensed(outside)
@@ -121,7 +120,7 @@ def scene(params: SceneParams, states: Iterable[SensorState], grid: Grid, **birt
         float(params.hard_core_radius),
         float(params.p_false),
         float(params.gate),
-        np.where(inside, 1.0, params.clutter_beyond),
+        np.where(inside(z, lower, upper), 1.0, params.clutter_beyond),
         crowding(z, lower, upper, births["spread"]),
         float(births["spread"]),
         float(births["uniform"]),

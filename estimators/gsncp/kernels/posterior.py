@@ -196,10 +196,9 @@ def log_posterior(scene: Scene, c: Array, e: Array, intensity: Array) -> float:
     return float(likelihood + len(c) * prior)
 
 
-def inside(scene: Scene) -> Array:
-    """Which of the detections (M,) lie in D."""
-    z = scene.z.T
-    return np.asarray(((z >= scene.lower) & (z <= scene.upper)).all(1))
+def inside(z: Array, lower: Array, upper: Array) -> Array:
+    """Which of the points z (n, 3) lie in a box."""
+    return np.asarray(((z >= lower) & (z <= upper)).all(1))
 
 
 def intensities(scene: Scene, L: int, rho: float, clutter: Array, volume: float) -> Array:
@@ -212,7 +211,7 @@ def intensities(scene: Scene, L: int, rho: float, clutter: Array, volume: float)
     """
     K, M, D = len(scene.offset) - 1, len(scene.weight), free(scene.lower, scene.upper)[1]
     targets = L * (M - clutter.sum()) / (max(volume, LEAST * D) * rho) if L else 0.0
-    false = (clutter & inside(scene)).sum()
+    false = (clutter & inside(scene.z.T, scene.lower, scene.upper)).sum()
     return np.maximum(LEAST / D, [targets, false / (max(K, 1) * D)])
 
 
