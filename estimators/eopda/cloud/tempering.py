@@ -44,6 +44,7 @@ def temper(
     EstimatorError : the posterior vanishes at all draws
     """
     n = x.shape[1]
+    moves = [_along_a_difference] * MOVES + ([] if jump is None else [jump])
     log_p, log_q = log_posterior(x), log_reference(x)
     power, log_z = 0.0, 0.0
     while power < 1.0:
@@ -56,14 +57,8 @@ def temper(
         index = systematic(normalise(log_w), rng.random(), n)
         log_z += float(top + np.log(np.mean(np.exp(log_w - top))))
         x, log_p, log_q = x[:, index], log_p[index], log_q[index]
-        for move in range(MOVES + (jump is not None)):
-            if jump is not None and move == MOVES:
-                y, log_jacobian = jump(x, rng)
-            else:
-                scale = np.exp(rng.uniform(*LOG_SCALES, n))
-                a, b = rng.integers(0, n, (2, n))
-                y = x + scale * (x[:, a] - x[:, b]) + 1e-9 * rng.normal(size=x.shape)
-                log_jacobian = np.zeros(n)
+        for propose in moves:
+            y, log_jacobian = propose(x, rng)
             new_p, new_q = log_posterior(y), log_reference(y)
             with np.errstate(invalid="ignore"):
                 # where nothing can be, both are minus infinity, and no comparison holds
@@ -72,6 +67,15 @@ def temper(
             x = np.where(accept, y, x)
             log_p, log_q = np.where(accept, new_p, log_p), np.where(accept, new_q, log_q)
     return x, log_z
+
+
+def _along_a_difference(x: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Steps along the differences of two others."""
+    n = x.shape[1]
+    scale = np.exp(rng.uniform(*LOG_SCALES, n))
+    a, b = rng.integers(0, n, (2, n))
+    y = x + scale * (x[:, a] - x[:, b]) + 1e-9 * rng.normal(size=x.shape)
+    return y, np.zeros(n)
 
 
 def _rise(log_r: Array, most: float) -> float:
