@@ -288,9 +288,8 @@ def outliers(time: Array, values: Array) -> Array:
     span = time[after] - time[before]
     w = np.where(span == 0, 0.5, (time - time[before]) / np.where(span == 0, 1, span))
     w = np.clip(w, -1.0, 2.0)
-    with np.errstate(over="ignore", invalid="ignore"):  # of values that no place has
-        line = values[before] + w[:, None] * (values[after] - values[before])
-        off = np.linalg.norm(values - line, axis=1)
+    line = values[before] + w[:, None] * (values[after] - values[before])
+    off = np.linalg.norm(values - line, axis=1)
     step = np.diff(time)
     off[np.abs(span) > _WIDE * float(np.median(step))] = 0.0
     limit = np.full(k, max(_STEP, _SIGMAS * 1.4826 * float(np.median(off))))
