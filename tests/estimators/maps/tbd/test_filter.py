@@ -54,6 +54,16 @@ def test_kernels_are_given_whole_targets(recording, monkeypatch):
     assert lengths == {7}
 
 
+def test_bodies_that_differ_widen_the_covariances_of_vehicles(recording):
+    """By their variance along both axes; nothing else changes."""
+    plain, wide = (run(recording, std_body=std)[-1].objects for std in (0.0, 0.08))
+    np.testing.assert_array_equal(wide.state, plain.state)
+    more = wide.covariance - plain.covariance
+    for kind, added in zip(plain.class_index.tolist(), more, strict=True):
+        np.testing.assert_allclose(added, np.diag([0.0064 * kind] * 2 + [0.0] * 2), atol=1e-15)
+    assert 0 < plain.class_index.sum() < len(plain.class_index)
+
+
 def test_all_are_found_with_their_classes(recording):
     """After eight scans all eight and no more, half of them within 0.1 m, with labels that stay."""
     steps = run(recording)
