@@ -19,7 +19,7 @@ from ....models.records import Array
 from .compiled import bernoulli as compiled
 from .compiled import gaussians, groups
 from .gaussians import falling, moments
-from .groups import OVER, SHARE, marginal
+from .groups import OVER, SHARE, marginal, taken
 
 TINY = 1e-300
 
@@ -110,9 +110,9 @@ class Mixture:
         return replace(
             self,
             w=w,
-            table=groups.taken(self.table, row, self.group, -1),
+            table=taken(self.table, row, self.group, -1),
             group=group,
-            parent=groups.taken(self.parent, row, self.heir, 0),
+            parent=taken(self.parent, row, self.heir, 0),
             heir=into[self.heir],
         )
 
