@@ -15,7 +15,7 @@ import numpy as np
 from ....models.motion import backwards
 from ....models.records import Array
 from .bernoulli import Mixture
-from .smoothing import Epoch, existed, rts
+from .smoothing import Epoch, existed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +87,7 @@ def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
     m_out, P_out = m @ inverse.T, inverse @ (P + Q) @ inverse.T
     here = np.flatnonzero(before >= 0)
     a = now.mixture.local.take(before[here])
-    m_out[here], P_out[here] = rts(a.m, a.P, m[here], P[here], F, Q)
+    m_out[here], P_out[here] = later.epoch.back(now.mixture, before[here], m[here], P[here])
     r[here] = existed(a.r, r[here], later.epoch.survive)
     origin = np.full(len(kept), -1)
     origin[here] = a.origin
