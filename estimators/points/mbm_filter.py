@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...models.parameters import parameter
+from ...models.parameters import parameter, require
 from ...models.records import Array
+from ..kernels.passes import SEARCH
 from .backlog import Backlog, BacklogParams
 from .context import FilterParams
 from .cuts import Cut
@@ -30,7 +31,7 @@ from .kernels.bernoulli import (
 from .kernels.bernoulli import newborn as begun
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
-from .kernels.poisson import first_detections
+from .kernels.poisson import first_detections as of_each
 from .model.edge import detection_probability, unseen
 from .model.sensing import Look, SensorParams, innovations, log_likelihood, updated
 from .model.targets import Interval, elapse, limit, newborn, started
@@ -44,7 +45,15 @@ class Params(TrailParams, BacklogParams, FilterParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     TITLE = "mixture"
+    WAYS = ("none", "whole", SEARCH)
 
+    smooth: str = parameter(
+        "none",
+        "1",
+        "none: each estimate from what came until then; whole: from all of the recording; 5s: from "
+        "what came up to 5 s later; search: whole, by the likeliest trajectories that a search "
+        "finds from those of the filter on",
+    )
     poisson: bool = parameter(
         True,
         "1",
@@ -141,6 +150,8 @@ class Params(TrailParams, BacklogParams, FilterParams):
     def __post_init__(self) -> None:
         FilterParams.__post_init__(self)
         TrailParams.__post_init__(self)
+        undetected = self.poisson or self.smooth != SEARCH
+        require(undetected, "smooth", "search with poisson alone", self.smooth)
 
     @property
     def dependence(self) -> float | None:
@@ -234,7 +245,7 @@ def update(
     p, m_missed, P_missed = unseen(seen, a.m, a.P, a.visible, own.fov_mass)
     with np.errstate(divide="ignore"):
         log_hit += np.log(_found(seen, own, a, p, log_hit, z_hat, C, S) * a.visible[:, None])
-    undetected, (new, m_new, P_new) = _first_detections(state.undetected, seen, params, own, even)
+    undetected, (new, m_new, P_new) = first_detections(state.undetected, seen, params, own, even)
     free = np.maximum(seen.clutter + new, TINY)
     found = associate(
         state.mixture,
@@ -321,7 +332,7 @@ def _found(
     return found
 
 
-def _first_detections(
+def first_detections(
     undetected: births.Components, seen: Look, params: Params, own: SensorParams, even: Array
 ) -> tuple[births.Components, tuple[Array, Array, Array]]:
     """The undetected targets that stay so, and what the detections say if they are the first."""
@@ -341,4 +352,4 @@ def _first_detections(
     m_all[j, i], P_all[j, i] = updated(seen, m, P, z_hat, C, S, j, i)
     known = np.maximum(p[j], TINY)
     density[j, i] *= detection_probability(seen, m_all[j, i], P_all[j, i], own.fov_mass) / known
-    return (w * (1 - p), m_missed, P_missed), first_detections(density, m_all, P_all)
+    return (w * (1 - p), m_missed, P_missed), of_each(density, m_all, P_all)
