@@ -207,8 +207,9 @@ def test_every_hypothesis_knows_what_it_was_before(make_recording):
 
 
 @pytest.mark.parametrize("max_coast", [0.0, 3.5])
-def test_who_is_given_up_ends_with_the_last_detection(make_recording, max_coast):
+def test_who_is_given_up_ends_with_the_last_detection(make_recording, monkeypatch, max_coast):
     """Without a limit existence falls by what is missed, with it nobody knows when it ended."""
+    first_scan_only(monkeypatch)
     rng = np.random.default_rng(3)
     Z = [*(z[None] for z in path(rng, BIRTHS[0], 8)), *[np.zeros((0, 2))] * 8]
     found = run(
