@@ -212,8 +212,9 @@ def test_who_is_given_up_ends_with_the_last_detection(make_recording, monkeypatc
     first_scan_only(monkeypatch)
     rng = np.random.default_rng(3)
     Z = [*(z[None] for z in path(rng, BIRTHS[0], 8)), *[np.zeros((0, 2))] * 8]
+    birth = ((0.001, *BIRTHS[0][1:]),)
     found = run(
-        make_recording(Z), birth_components=BIRTHS[:1], p_detect=0.1, p_survive=0.99,
+        make_recording(Z), birth_components=birth, p_detect=0.1, p_survive=0.99,
         clutter_rate=0.01, max_coast=max_coast, smooth="whole", poisson=True, extract_smoothed=0.5,
     )  # fmt: skip
     assert sum(len(one.objects.label) for one in found) == (8 if max_coast else 16)
