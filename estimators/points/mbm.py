@@ -165,8 +165,8 @@ def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimate
     def backward(later: Paths | None, epoch: Epoch) -> tuple[Paths, Objects]:
         x = back(later, epoch, params.retrodict, params.max_coast or inf)
         shown = x.r >= params.extract_smoothed
-        # What is straight on before the first detection is no way that was seen.
-        seen = shown & (x.age >= 0)
+        # What is straight on before the first detection, or without any, is no way that was seen.
+        seen = shown & x.hit
         travelled.see(x.label[seen], x.m[seen, :2])
         found = _listed(epoch.time_ns, x.label[shown], x.r[shown], x.m[shown], x.P[shown])
         return x, context.source.named(found, classes)
@@ -191,10 +191,10 @@ def _searched(
             sights.clear()
 
     def forward() -> Iterator[tuple[Estimates, tuple[Trail, Array]]]:
-        for numbers, (x, begun) in searched(params, filtered(), rng):
+        for numbers, (x, hit) in searched(params, filtered(), rng):
             none = np.zeros(0, np.int64)
             nobody = _listed(x.time_ns, none, x.r[none], x.m[none], x.P[none])
-            yield Estimates(meta, nobody, numbers), (x, begun)
+            yield Estimates(meta, nobody, numbers), (x, hit)
 
     def backward(later: Trail | None, now: tuple[Trail, Array]) -> tuple[Trail, Objects]:
         x = trails.back(later, now[0])
@@ -333,6 +333,8 @@ def _moved(
     tracks, index = extract(mixture, params)
     way = mixture.local.m[index] - mixture.start[tracks]
     way = np.where(np.isnan(way), 0.0, way)
+    # What is straight on without a detection is no way that was seen.
+    way[mixture.local.unseen[index] > 0] = 0.0
     far = np.hypot(way[:, 0], way[:, 1]) >= params.min_travel
     living = {label for epoch in epochs for label in epoch.mixture.label.tolist()}
     living |= set(mixture.label.tolist())

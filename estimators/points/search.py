@@ -210,7 +210,8 @@ def trails(
 ) -> Iterator[tuple[Trail, Array]]:
     """The trajectories ``name`` (T,) that have ``taken`` (T, S) detections, filtered.
 
-    Those that begin at most ``retrodict`` [s] later may be anywhere; the others' names come beside.
+    Those that begin at most ``retrodict`` [s] later may be anywhere; beside come the names of those
+    that are detected then.
     """
     dx = params.width
     label = np.zeros(0, np.int64)
@@ -229,6 +230,7 @@ def trails(
             m=m,
             P=P,
             visible=settled + (a.visible - settled) * np.exp(-change * x.gone.dt),
+            unseen=a.unseen + 1.0,
         )
         for seen in x.sights:
             at = taken[:, s] - first
@@ -240,6 +242,7 @@ def trails(
                 z_hat, C, S = innovations(seen.look, a.m, a.P, seen.own.unscented)
                 after.m[hit], after.P[hit] = updated(seen.look, a.m, a.P, z_hat, C, S, hit, i[hit])
                 after.r[hit] = after.visible[hit] = 1.0
+                after.unseen[hit] = 0.0
             new = np.setdiff1d(np.flatnonzero(at >= 0), label)
             begins = newborn(np.ones(len(new)), seen.m[at[new]], seen.P[at[new]])
             a, label = after.join(begins), np.concatenate((label, new))
@@ -255,7 +258,7 @@ def trails(
         own, b = name[np.concatenate((label, soon))][order], b.take(order)
         gone, survive = x.gone, params.p_survive**x.gone.steps
         trail = Trail(x.time_ns, own, b.r, b.m, b.P, gone.F, gone.Q, survive)
-        yield trail, name[label]
+        yield trail, name[label[a.unseen == 0]]
 
 
 def searched(

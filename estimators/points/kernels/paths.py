@@ -25,7 +25,8 @@ class Paths:
 
     They are those of the hypothesis ``row`` (C,) of each group. ``origin`` (n,) is the Bernoulli
     that each was after the scans before, -1 where it began later; ``age`` (n,) [s] is negative
-    before it began, else 0. Those that are ``given_up`` (n,) end with their last detection.
+    before it began, else 0. Those ``hit`` (n,) were detected then; those that are ``given_up`` (n,)
+    end with their last detection.
     """
 
     epoch: Epoch
@@ -36,6 +37,7 @@ class Paths:
     r: Array
     m: Array
     P: Array
+    hit: Array
     given_up: Array
 
 
@@ -59,7 +61,7 @@ def back(later: Paths | None, now: Epoch, retrodict: float, max_coast: float = i
         given_up = a.unseen + (later.epoch.time_ns - now.time_ns) / 1e9 > max_coast
         given_up &= a.unseen > 0
         r = np.where(given_up, 0.0, existed(a.r, np.zeros(len(a)), later.epoch.survive))
-    ends = x.label[new], a.origin, np.zeros(len(a)), r, a.m, a.P, given_up
+    ends = x.label[new], a.origin, np.zeros(len(a)), r, a.m, a.P, a.unseen == 0, given_up
     if later is None:
         return Paths(now, row, *ends)
     both = zip(ends, _followed(later, now, retrodict), strict=True)
@@ -96,10 +98,12 @@ def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
     here = np.flatnonzero(before >= 0)
     a = now.mixture.local.take(before[here])
     m_out[here], P_out[here] = rts(a.m, a.P, m[here], P[here], F, Q)
+    hit = np.zeros(len(kept), bool)
+    hit[here] = a.unseen == 0
     given_up = later.given_up[kept]
-    given_up[here] &= a.unseen > 0
+    given_up[here] &= ~hit[here]
     r[here] = np.where(given_up[here], 0.0, existed(a.r, r[here], later.epoch.survive))
     origin = np.full(len(kept), -1)
     origin[here] = a.origin
     P_out = (P_out + P_out.swapaxes(1, 2)) / 2
-    return later.label[kept], origin, age, r, m_out, P_out, given_up
+    return later.label[kept], origin, age, r, m_out, P_out, hit, given_up

@@ -218,3 +218,22 @@ def test_who_is_given_up_ends_with_the_last_detection(make_recording, monkeypatc
         clutter_rate=0.01, max_coast=max_coast, smooth="whole", poisson=True, extract_smoothed=0.5,
     )  # fmt: skip
     assert sum(len(one.objects.label) for one in found) == (8 if max_coast else 16)
+
+
+@pytest.mark.parametrize("smooth", ["none", "whole", "search"])
+def test_a_way_without_detections_is_none(make_recording, monkeypatch, smooth):
+    """A target is seen on 6 m and missed on 40 m."""
+    first_scan_only(monkeypatch)
+    Z = [np.array([[50.0 + 2.0 * k, 50.0]]) for k in range(4)] + [np.zeros((0, 2))] * 20
+    birth = ((0.01, 50.0, 50.0, 2.0, 0.0, 1.0, 1.0, 1.0, 1.0),)
+    shown = {}
+    for least in (3.0, 12.0):
+        params = mbm.Params(
+            **{**BASE, "birth_components": birth, "p_detect": 0.01, "clutter_rate": 0.01,
+               "p_survive": 0.999, "poisson": True, "min_travel": least, "smooth": smooth}
+        )  # fmt: skip
+        recording = make_recording(Z)
+        rng = np.random.default_rng(1)
+        steps = list(mbm.estimate(recording.setup(), recording.scans(), params, rng))
+        shown[least] = sum(len(one.objects.label) for one in steps)
+    assert shown[12.0] == 0 < shown[3.0]
