@@ -71,19 +71,29 @@ def back(later: Paths | None, now: Epoch, retrodict: float, max_coast: float = i
 def _before(later: Paths, x: Mixture) -> Array:
     """The hypotheses (C,) of the groups of ``x`` that have become those of ``later``.
 
-    Of those that the parts of a group have come of it is that of the part in which most is there
-    later, or if nothing is the likeliest then; and the same for all, so that what it excludes stays
-    excluded. It is the best of a group that nothing has come of.
+    Groups that met and parted have come of it in several parts: a group's is that of the part in
+    which most of its own tracks are there later, or if none is the likeliest then; and the same for
+    all, so that what it excludes stays excluded. It is the best of a group that nothing has come
+    of.
     """
     y, row = later.epoch.mixture, np.zeros(x.w.shape[1], np.int64)
-    here = np.isin(later.label, y.label)
-    order = np.argsort(y.label, kind="stable")
-    at = order[np.searchsorted(y.label, later.label[here], sorter=order)]
-    there = np.bincount(y.group[at], later.r[here], y.w.shape[1])[y.heir]
+    n = y.w.shape[1]
+    before, now = _groups(x, later.label), _groups(y, later.label)
+    both = (before >= 0) & (now >= 0)
+    size = n * len(row)
+    there = np.bincount(before[both] * n + now[both], later.r[both], size)[y.came * n + y.heir]
     part = y.parent[later.row[y.heir], np.arange(len(y.heir))]
     last = np.lexsort((part, -np.where(there > 0.5, there, 0.0)))[::-1]
     row[y.came[last]] = part[last]
     return row
+
+
+def _groups(x: Mixture, label: Array) -> Array:
+    """The groups (n,) of tracks with a ``label`` (n,), -1 for none."""
+    order = np.argsort(x.label, kind="stable")
+    at = np.append(order, -1)[np.searchsorted(x.label, label, sorter=order)]
+    known = np.append(x.label, -1)[at] == label
+    return np.where(known, np.append(x.group, -1)[at], -1)
 
 
 def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from echoset.estimators.points import mbm
-from echoset.estimators.points.kernels import bernoulli
+from echoset.estimators.points.kernels import bernoulli, paths, smoothing
 from echoset.models.motion import constant_velocity, white_acceleration
 
 SIGMA, DENSITY = 1.0, 0.3
@@ -237,3 +237,32 @@ def test_a_way_without_detections_is_none(make_recording, monkeypatch, smooth):
         steps = list(mbm.estimate(recording.setup(), recording.scans(), params, rng))
         shown[least] = sum(len(one.objects.label) for one in steps)
     assert shown[12.0] == 0 < shown[3.0]
+
+
+def test_groups_that_met_and_parted_keep_their_own_past():
+    """Label 3 or 24 is there, and 5 for sure; met and parted, 5 would have had 24 before."""
+
+    def epoch(time_ns, *mixture):
+        return smoothing.Epoch(time_ns, bernoulli.Mixture(*mixture), F, Q, 0.99)
+
+    def local(r, origin):
+        n = len(r)
+        moments = np.zeros((n, 4)), np.tile(np.eye(4), (n, 1, 1))
+        return bernoulli.Bernoullis(
+            np.array(r), *moments, np.ones(n), np.zeros(n), np.array(origin)
+        )
+
+    label, group, table = np.array([3, 5, 24]), np.array([0, 1, 0]), [[-1, 1, 2], [0, -1, -1]]
+    w, table = np.array([[0.52, 1.0], [0.48, 0.0]]), np.array(table)
+    start, every = np.zeros((3, 4)), np.arange(2)
+    first = epoch(0, local([0.99, 1.0, 0.9], [-1, -1, -1]), label, start, w, table, group,
+                  np.array([[0, 0], [1, 1]]), every, every)  # fmt: skip
+    # Groups 0 and 1 were one, of 3 with its own past and of 5 with the likelier one of the other.
+    parent = np.array([[1, 0, 0, 0], [0, 0, 1, 0]])
+    came, heir = np.array([0, 1, 0, 1]), np.array([0, 0, 1, 1])
+    table = np.array([[0, 1, -1], [-1, -1, 2]])
+    last = epoch(10**9, local([0.99, 1.0, 0.9], [0, 1, 2]), label, start, w, table, group, parent,
+                 came, heir)  # fmt: skip
+    end = paths.back(None, last, 0.0)
+    assert sorted(end.label.tolist()) == [3, 5]
+    assert sorted(paths.back(end, first, 0.0).label.tolist()) == [3, 5]
