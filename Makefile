@@ -37,16 +37,16 @@ demo: $(STAMP)
 marks: $(STAMP)
 	PYTHONPATH=benchmarks $(BIN)/python -m papers.uwb
 
-# The unit tests.
+# The unit tests, a file at a time on each of JOBS processes.
 test: $(STAMP)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 # Style, types and unit tests: clean before every commit.
 check: $(STAMP)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 # What reports look like in a browser; needs Chromium (Debian: apt-get install chromium).
 browser: $(STAMP)

@@ -34,6 +34,7 @@ def train(output: str, scenario: str, seed: int, settings: Iterable[str], overwr
         raise ParameterError(f"-o {output}: weights are written as .npz")
     refuse_existing(path, overwrite)
     training.require_torch()
+    settings = tuple(settings)
     params = resolve(training.Params, *layers(None, settings))
     found = find(scenario)
     if found.module is not jsc:
@@ -43,12 +44,14 @@ def train(output: str, scenario: str, seed: int, settings: Iterable[str], overwr
     learn, test = training.data(scene, params, seed, progress.bar)
     weights = training.train(learn, params, seed, progress.bar)
     accuracy = training.evaluate(weights, test)
-    made = training.story(scenario, scene, params, seed, accuracy)
+    made = training.story(scenario, scene, params, seed, (learn, test), accuracy)
     made["versions"] = {**versions(), **made["versions"]}
+    words = [f"--scenario {scenario} --seed {seed}", *(f"--set {text}" for text in settings)]
+    made["command"] = f"echoset train-classifier {' '.join(words)}"
     archive.write(path, replace(weights, made=made), overwrite)
-    say("stations  accuracy  stderr  windows")
+    say("stations  accuracy  stderr  log loss  windows")
     for a in accuracy:
-        say(f"{a.stations:8d}  {a.share:8.4f}  {a.stderr:6.4f}  {a.windows:7d}")
+        say(f"{a.stations:8d}  {a.share:8.4f}  {a.stderr:6.4f}  {a.log_loss:8.4f}  {a.windows:7d}")
 
 
 def train_templates(

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..estimators.maps.evidence import LEAST
 from ..estimators.maps.kernels.cnn import probabilities, scaled
 from ..models.classifier import CLASSES, FILTERS, KERNEL, POOLED, Weights
 from ..models.errors import ParameterError
@@ -23,6 +24,8 @@ from .windows import Windows, join, scenes
 
 Watch = Callable[[Iterable[Any], str, int], Iterable[Any]]
 """What shows progress: (items, their name, how many) -> the items."""
+STAGES = "train", "test"
+"""What windows are for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +63,15 @@ class Params:
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """Share of right classes with ``stations`` stations; its error is one over scenes."""
+    """Share of right classes with ``stations`` stations; its error is one over scenes.
+
+    ``log_loss`` is the mean of -log p of the true class [nats].
+    """
 
     stations: int
     share: float
     stderr: float
+    log_loss: float
     windows: int
 
 
@@ -85,7 +92,7 @@ def require_torch() -> Any:
 def data(scene: jsc.Params, params: Params, seed: int, watch: Watch) -> tuple[Windows, Windows]:
     """Windows to train on and to test on; no scene is in both, nor its random streams."""
     found = []
-    for stage, count in (("train", params.scenes), ("test", params.held_out)):
+    for stage, count in zip(STAGES, (params.scenes, params.held_out), strict=True):
         key = f"classifier:{stage}"
         some = scenes(
             scene, range(count), seed, key, params.scans, params.displacement,
@@ -96,18 +103,27 @@ def data(scene: jsc.Params, params: Params, seed: int, watch: Watch) -> tuple[Wi
 
 
 def story(
-    scenario: str, scene: jsc.Params, params: Params, seed: int, found: Iterable[Accuracy]
+    scenario: str,
+    scene: jsc.Params,
+    params: Params,
+    seed: int,
+    learnt: tuple[Windows, Windows],
+    found: Iterable[Accuracy],
 ) -> dict[str, Any]:
-    """How weights were made: by what, in which scenes, with which seed, and how good they are."""
-    accuracy = {str(a.stations): [round(a.share, 4), round(a.stderr, 4)] for a in found}
+    """How weights were made: in which scenes, with which seed, and how good they are.
+
+    ``learnt`` are the windows of :func:`data`, of which digests are stated.
+    """
+    by = {str(a.stations): a for a in found}
     return {
         "what": "pedestrians and vehicles in range-angle maps",
         "scenario": scenario,
         "scene": as_dict(scene),
         "settings": as_dict(params),
         "seed": seed,
-        "streams": ["classifier:train", "classifier:test"],
-        "accuracy by stations": accuracy,
+        "streams": {f"classifier:{s}": w.sha256 for s, w in zip(STAGES, learnt, strict=True)},
+        "accuracy by stations": {n: [round(a.share, 4), round(a.stderr, 4)] for n, a in by.items()},
+        "log loss by stations": {n: round(a.log_loss, 4) for n, a in by.items()},
         "versions": {"torch": require_torch().__version__},
     }
 
@@ -160,7 +176,9 @@ def _turned(batch: Any, torch: Any) -> Any:
 
 def evaluate(weights: Weights, windows: Windows) -> list[Accuracy]:
     """Accuracy by number of stations, by the inference that the estimators use."""
-    right = _right(weights, windows.power, windows.kind)
+    p = _probabilities(weights, windows.power)
+    right = p.argmax(1) == windows.kind
+    loss = -np.log(np.maximum(p[np.arange(len(p)), windows.kind], LEAST))
     found = []
     for n in np.unique(windows.stations).tolist():
         mine = windows.stations == n
@@ -168,10 +186,11 @@ def evaluate(weights: Weights, windows: Windows) -> list[Accuracy]:
         share, count = right[mine].mean(), np.bincount(scene)
         excess = np.bincount(scene, right[mine] - share)
         stderr = np.sqrt((excess**2).sum()) / count.sum()
-        found.append(Accuracy(n, float(share), float(stderr), int(mine.sum())))
+        log_loss = float(loss[mine].mean())
+        found.append(Accuracy(n, float(share), float(stderr), log_loss, int(mine.sum())))
     return found
 
 
-def _right(weights: Weights, power: Array, kind: Array) -> Array:
-    parts = [probabilities(weights, power[k : k + 64]).argmax(1) for k in range(0, len(power), 64)]
-    return np.asarray(np.concatenate(parts) == kind)
+def _probabilities(weights: Weights, power: Array) -> Array:
+    parts = [probabilities(weights, power[k : k + 64]) for k in range(0, len(power), 64)]
+    return np.concatenate(parts)

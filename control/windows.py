@@ -8,6 +8,7 @@ so that one network serves any number.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
@@ -34,6 +35,14 @@ class Windows:
     kind: Array
     stations: Array
     scene: Array
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of all four, in hexadecimal digits: what was learnt from, wherever it is made."""
+        digest = hashlib.sha256()
+        for column in (self.power, self.kind, self.stations, self.scene):
+            digest.update(np.ascontiguousarray(column).data)
+        return digest.hexdigest()
 
 
 def join(parts: Iterable[Windows]) -> Windows:

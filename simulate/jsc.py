@@ -9,7 +9,8 @@ plan, places on lanes and crosswalks where targets may be, for estimators as bir
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,13 @@ class Params(BaseStation):
         "where stations S0, S1, ... stand on their circle, facing its centre; order is a choice: "
         "the first so many surround the area",
     )
+    stagger: float = parameter(
+        0.0,
+        "s",
+        "each station takes its maps so much later than the one before; the truth is that of the "
+        "mean time",
+        within="[0, inf)",
+    )
     engine: str = parameter("spectral", "1", "spectral: the map by its law; waveform: by symbols")
     noisy: bool = parameter(True, "1", "with receiver noise")
     pedestrians: int = parameter(4, "1", "number of pedestrians", within="[0, inf)")
@@ -81,6 +89,12 @@ class Params(BaseStation):
     pedestrian_turn: tuple[float, float] = parameter((1.0, 2.0), "m", "range of radii, choice")
     vehicle_length: float = parameter(4.5, "m", "length of a vehicle, choice", within="(0, inf)")
     vehicle_width: float = parameter(1.8, "m", "width of a vehicle, choice", within="(0, inf)")
+    vehicle_spread: tuple[float, float] = parameter(
+        (0.0, 0.0),
+        "1",
+        "standard deviations of the log length and log width of each vehicle",
+        within="[0, inf)",
+    )
     pedestrian_radius: float = parameter(
         0.25, "m", "half the width of a pedestrian, choice", within="(0, inf)"
     )
@@ -155,6 +169,12 @@ class Params(BaseStation):
         return np.stack((x, y, np.full(len(x), self.station_height), yaw), 1)
 
     @property
+    def halves(self) -> Array:
+        """Half the length and width (2, 2) [m] of a pedestrian and of a vehicle."""
+        r = self.pedestrian_radius
+        return np.array([[r, r], [self.vehicle_length / 2, self.vehicle_width / 2]])
+
+    @property
     def bodies(self) -> list[Reflectors]:
         """Reflectors of a pedestrian and of a vehicle."""
         car = vehicle(
@@ -176,23 +196,52 @@ def _is_line(ends: object) -> bool:
     return a.shape == (4,) and bool(np.isfinite(a).all()) and bool((a[:2] != a[2:]).any())
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Targets:
+    """Classes (n,), states x y vx vy (n, scans, 4) and headings (n, scans) of targets.
+
+    ``scale`` (n, 2) is their length and width over those stated.
+    """
+
+    kind: Array
+    state: Array
+    heading: Array
+    scale: Array
+
+
 def simulate(params: Params, rng: np.random.Generator, name: str) -> Recording:
     """A recording of the scene with its truth, called ``name``."""
-    kinds, state, heading = _targets(params, rng)
-    time_ns, none = params.time_ns, np.zeros(params.scans + 1, np.int64)
+    return recorded(params, _targets(params, rng), rng, name)
+
+
+def recorded(params: Params, targets: Targets, rng: np.random.Generator, name: str) -> Recording:
+    """What the stations see of ``targets``, with these as the truth."""
+    none = np.zeros(params.scans + 1, np.int64)
+    later = np.arange(len(params.poses)) * round(params.stagger * 1e9)
     sensors, streams = {}, {}
-    for q, pose in enumerate(params.poses):
+    for q, (pose, lag) in enumerate(zip(params.poses, later.tolist(), strict=True)):
         node, where, yaw = f"S{q}", pose[:3], pose[3:]
         still = Sensor.static("radar", where)
         sensors[node] = Sensor("radar", still.time_ns, still.position, yaw_quaternion(yaw))
         maps = np.empty((params.scans, len(params.range_axis), len(params.azimuth_axis)), "f4")
+        state = _after(targets.state, lag)
         for k in range(params.scans):
-            seen = echoes(params, kinds, state[:, k], heading[:, k], where, float(yaw[0]), rng)
+            there = replace(targets, state=state[:, k], heading=targets.heading[:, k])
+            seen = echoes(params, there, where, float(yaw[0]), rng)
             user = rng.uniform(-params.aperture, params.aperture)
             maps[k] = ENGINES[params.engine](params, seen, user, params.noisy, rng)
-        model = _model(params, where[:2], float(yaw[0]))
+        model, time_ns = _model(params, where[:2], float(yaw[0])), params.time_ns + lag
         streams[node] = Stream("range_angle_map", (node,), model, time_ns, none, {"map": maps}, {})
-    return Recording(Meta(name), sensors, streams, Truth(_truth(params, kinds, state, heading)))
+    mean = int(later.sum()) // len(later)
+    truth = _truth(params, replace(targets, state=_after(targets.state, mean)), mean)
+    return Recording(Meta(name), sensors, streams, Truth(truth))
+
+
+def _after(state: Array, lag: int) -> Array:
+    """States (n, T, 4) by ``lag`` [ns] later, straight on."""
+    later = state.copy()
+    later[..., :2] += state[..., 2:] * (lag / 1e9)
+    return later
 
 
 def _model(params: Params, where: Array, facing: float) -> dict[str, Any]:
@@ -242,24 +291,22 @@ def births(params: Params) -> Array:
 
 
 def echoes(
-    params: Params,
-    kinds: Array,
-    state: Array,
-    heading: Array,
-    where: Array,
-    facing: float,
-    rng: np.random.Generator,
+    params: Params, targets: Targets, where: Array, facing: float, rng: np.random.Generator
 ) -> Echoes:
-    """The echoes of targets (n, 4) at a station, at ``where`` (3,) facing ``facing``, in a scan."""
-    if not len(kinds):
+    """The echoes of targets at a station, at ``where`` (3,) facing ``facing``, in a scan.
+
+    Their states are (n, 4) and headings (n,).
+    """
+    if not len(targets.kind):
         none = np.zeros(0)
         return Echoes(none, none, none, none.astype(complex))
     position, velocity, rcs = [], [], []
-    for kind, x, h in zip(kinds, state, heading, strict=True):
+    columns = targets.kind, targets.state, targets.heading, targets.scale
+    for kind, x, h, scale in zip(*columns, strict=True):
         body = params.bodies[kind]
         c, s = np.cos(h), np.sin(h)
         sight = np.arctan2(*(where[:2] - x[:2])[::-1]) - h
-        position.append(x[:2] + body.position @ np.array([[c, s], [-s, c]]))
+        position.append(x[:2] + scale * body.position @ np.array([[c, s], [-s, c]]))
         velocity.append(np.tile(x[2:], (len(body.rcs), 1)))
         rcs.append(body.rcs * visibility(body, sight))
     p, v, mean = np.concatenate(position), np.concatenate(velocity), np.concatenate(rcs)
@@ -274,53 +321,44 @@ def echoes(
     return Echoes(distance[front], azimuth[front], speed[front], beta[front])
 
 
-def _targets(params: Params, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Classes (n,), states (n, scans, 4) and headings (n, scans)."""
+def _targets(params: Params, rng: np.random.Generator) -> Targets:
+    """Targets that keep to their lines."""
     kinds = np.repeat([0, 1], [params.pedestrians, params.vehicles])
-    walkers = [
-        Walker(
-            params.crosswalks,
-            params.pedestrian_speed,
-            params.pedestrian_turn,
-            (params.pedestrian_radius, params.pedestrian_radius),
-        ),
-        Walker(
-            params.lanes,
-            params.vehicle_speed,
-            params.vehicle_turn,
-            (params.vehicle_length / 2, params.vehicle_width / 2),
-        ),
+    scale = np.ones((len(kinds), 2))
+    if any(params.vehicle_spread):
+        spread = rng.normal(size=(params.vehicles, 2)) * params.vehicle_spread
+        scale[params.pedestrians :] = np.exp(spread)
+    ways = [
+        partial(Walker, params.crosswalks, params.pedestrian_speed, params.pedestrian_turn),
+        partial(Walker, params.lanes, params.vehicle_speed, params.vehicle_turn),
     ]
+    halves = params.halves[kinds] * scale
     order = np.argsort(-kinds, kind="stable")
     t = params.time_ns / 1e9
     if not len(kinds):
-        return kinds, np.zeros((0, len(t), 4)), np.zeros((0, len(t)))
+        return Targets(kinds, np.zeros((0, len(t), 4)), np.zeros((0, len(t))), scale)
     x0, x1, y0, y1 = params.area
     m = params.margin
     inside = x0 + m, x1 - m, y0 + m, y1 - m
-    state, heading = draw([walkers[kinds[i]] for i in order], t, inside, params.clearance, rng)
+    walkers = [ways[kinds[i]](tuple(halves[i].tolist())) for i in order]
+    state, heading = draw(walkers, t, inside, params.clearance, rng)
     back = np.argsort(order)
-    return kinds, state[back], heading[back]
+    return Targets(kinds, state[back], heading[back], scale)
 
 
-def _truth(params: Params, kinds: Array, state: Array, heading: Array) -> Objects:
-    n, T = state.shape[:2]
-    axes = np.array(
-        [
-            [params.pedestrian_radius, params.pedestrian_radius],
-            [params.vehicle_length / 2, params.vehicle_width / 2],
-        ]
-    )
+def _truth(params: Params, targets: Targets, lag: int) -> Objects:
+    """The targets as truth, at times that come by ``lag`` [ns] later than those of the scans."""
+    n, T = targets.state.shape[:2]
     return Objects(
-        params.time_ns,
+        params.time_ns + lag,
         np.arange(T + 1, dtype=np.int64) * n,
         np.tile(np.arange(n, dtype=np.int64), T),
         ("x", "y", "vx", "vy"),
         ("m", "m", "m s-1", "m s-1"),
-        state.swapaxes(0, 1).reshape(n * T, 4),
+        targets.state.swapaxes(0, 1).reshape(n * T, 4),
         class_names=CLASSES,
-        class_index=np.tile(kinds, T).astype(np.int64),
+        class_index=np.tile(targets.kind, T).astype(np.int64),
         extent_kind="rectangle",
-        semi_axes=np.tile(axes[kinds], (T, 1)),
-        rotation=heading.T.reshape(n * T),
+        semi_axes=np.tile(params.halves[targets.kind] * targets.scale, (T, 1)),
+        rotation=targets.heading.T.reshape(n * T),
     )

@@ -7,8 +7,8 @@ defaults were not chosen on; and the runs that cost the chain the most, as pictu
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 import echoset
 from echoset.control import stations as chain
 from echoset.control.stations import FILTERS, Condition, Steps
-from echoset.formats.windows import concatenate as join
 from echoset.metrics.pooling import pool
 from echoset.models.parameters import resolve
 from echoset.models.random import generator
@@ -28,7 +27,7 @@ from echoset.report.plots import style
 from echoset.report.plots.panels import legend
 from echoset.simulate import jsc
 
-from . import page, stations
+from . import page, settings, stations
 from .pieces import Piece, share_of
 
 NAME = "maps"
@@ -37,9 +36,10 @@ SEEDS = range(2001, 2041)
 NUMBERS, BOTH = (1, 2, 3, 6), (3, 6)
 """Numbers of stations for tbd, and for filters of detections."""
 PRESETS = "templates", "tuned"
-PARTS = "tbd", *PRESETS
-SHOWN, TRIED, STREETS = 3, 6, 10
-"""Runs in pictures, those that they are chosen from, and runs of the street."""
+RUNS = {"tbd": len(SEEDS), "templates": 20, "tuned": 20}
+"""Runs of the crossing by part of what is compared."""
+SHOWN, TRIED, STREETS, OTHERS, PAIRS = 3, 10, 10, 5, 20
+"""Runs in pictures, those that they are chosen from, of the street, of other settings, of pairs."""
 THINNED = 9
 """Of so many places one is drawn."""
 STREET: Mapping[str, Any] = {
@@ -91,22 +91,18 @@ def scored(recording: Recording, part: str, numbers: Sequence[int]) -> Scores:
     found = []
     for steps in estimated(recording, part, numbers):
         found.append(stations.scores(recording, steps, False))
+        found.append(settings.followed(recording, steps))
         whole = {"start": stations.START}
-        found.append(echoset.score(joined(steps), recording, "class-log-loss", **whole))
+        found.append(echoset.score(stations.joined(steps), recording, "class-log-loss", **whole))
     return Scores.join([t.where(timed=False) for t in found])
 
 
-def joined(steps: Steps) -> Any:
-    """The steps as one."""
-    return replace(join(steps), meta=steps[0].meta)
-
-
-def crossing_scores(seed: int, part: str) -> Scores:
+def crossing_scores(part: str, seed: int) -> Scores:
     """Scores of a part over a recording of the crossing."""
     return scored(stations.simulated(seed, 0), part, NUMBERS if part == "tbd" else BOTH)
 
 
-def street_scores(seed: int, part: str) -> Scores:
+def street_scores(part: str, seed: int) -> Scores:
     """Scores of a part over a recording of the street."""
     return scored(street(seed), part, (4,))
 
@@ -114,8 +110,8 @@ def street_scores(seed: int, part: str) -> Scores:
 def tracks(seed: int) -> tuple[float, float, list[Array]]:
     """Error before and after, and x, y, class (n, 3) of truth, before and after."""
     recording = stations.simulated(seed, 0)
-    before = joined(chain.alone(recording, Condition("mbm", "tuned", "adaptive", 6)))
-    after = joined(chain.before_detection(recording, 6))
+    before = stations.joined(chain.alone(recording, Condition("mbm", "tuned", "adaptive", 6)))
+    after = stations.joined(chain.before_detection(recording, 6))
     limits = {"order": 2.0, "cutoff": 5.0, "start": stations.START}
     errors = []
     for estimates in (before, after):
@@ -128,42 +124,61 @@ def tracks(seed: int) -> tuple[float, float, list[Array]]:
 
 
 def pieces(share: float) -> list[Piece]:
-    """Recordings of the crossing and of the street, and tracks for pictures."""
-    wanted = (crossing_scores, len(SEEDS)), (street_scores, STREETS)
+    """Recordings of the crossing, the street and other settings, and tracks for pictures."""
+    wanted: list[tuple[Callable[..., Any], int, Iterable[str]]] = [
+        *((crossing_scores, runs, [part]) for part, runs in RUNS.items()),
+        (street_scores, STREETS, RUNS),
+        (settings.layout_scores, OTHERS, settings.LAYOUTS),
+        (settings.body_scores, OTHERS, settings.BODIES),
+        (settings.beside, PAIRS, settings.BESIDE),
+    ]
     found = [
-        Piece(make, (SEEDS[k], part))
-        for make, most in wanted
+        Piece(make, (name, SEEDS[k]))
+        for make, most, names in wanted
+        for name in names
         for k in range(share_of(most, share))
-        for part in PARTS
     ]
     return found + [Piece(tracks, (SEEDS[k],)) for k in range(max(SHOWN, share_of(TRIED, share)))]
 
 
 def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
     """Write the page and its pictures."""
-    of = {make: [r for p, r in results if p.make is make] for make in MADE}
-    crossing, there = (pool(Scores.join(of[make])) for make in (crossing_scores, street_scores))
+    of: dict[Any, list[Any]] = {}
+    for piece, result in results:
+        of.setdefault(piece.make, []).append(result)
+    runs = Counter((p.make, p.arguments[0]) for p, _ in results)
+    crossing, there, layouts, bodies = (pool(Scores.join(of[make])) for make in SCORED)
     seeds = [p.arguments[0] for p, _ in results if p.make is tracks]
     tried = sorted(zip(of[tracks], seeds, strict=True), key=lambda t: -t[0][0])
+    pairs: dict[str, list[Any]] = {name: [] for name in settings.BESIDE}
+    for piece, result in results:
+        if piece.make is settings.beside:
+            pairs[piece.arguments[0]].append(result)
     _draw_numbers(crossing, folder / f"{NAME}-3.svg")
     _draw_tracks(tried[:SHOWN], folder / f"{NAME}-tracks.svg")
-    runs = [len(of[make]) // len(PARTS) for make in (crossing_scores, street_scores)]
+    made = [f"{runs[crossing_scores, part]} by `{part}`" for part in RUNS]
     page.write(
         folder,
         NAME,
         "Base stations that sense: in the map",
-        f"{runs[0]} of its {len(SEEDS)} recordings of `{stations.SCENARIO}`, seeds {SEEDS[0]} to "
-        f"{SEEDS[runs[0] - 1]}; {runs[1]} of its {STREETS} of the street.",
+        f"Recordings of `{stations.SCENARIO}`, seeds from {SEEDS[0]} on: {', '.join(made)}; "
+        f"{runs[street_scores, 'tbd']} of the street.",
         INTRODUCTION,
         f"## The crossing\n\n{_table(crossing, _names(NUMBERS, BOTH))}",
         f"![Normalised OSPA and accuracy by number of stations]({NAME}-3.svg)",
         f"{STREET_WORDS}\n\n{_table(there, _names((4,), (4,)))}",
         PICTURES.format(shown=SHOWN, tried=len(tried)),
         f"![Three runs by mbm on clusters and by tbd]({NAME}-tracks.svg)",
+        LAYOUT_WORDS.format(runs=runs[settings.layout_scores, "as stated"]),
+        _table(layouts, (f"{name} 6" for name in settings.LAYOUTS)),
+        BODY_WORDS.format(runs=runs[settings.body_scores, "as stated"]),
+        _table(bodies, (f"{name} {n}" for name in settings.BODIES for n in (6, 3))),
+        BESIDE_WORDS.format(runs=len(pairs[next(iter(pairs))]), found=settings.FOUND),
+        settings.beside_table(pairs),
     )
 
 
-MADE = crossing_scores, street_scores, tracks
+SCORED = crossing_scores, street_scores, settings.layout_scores, settings.body_scores
 
 
 def _names(numbers: Sequence[int], both: Sequence[int]) -> Iterator[str]:
@@ -180,6 +195,9 @@ COLUMNS = {
     "GOSPA [m]": ("gospa", "", 3),
     "accuracy": ("accuracy", "", 4),
     "log loss": ("class-log-loss", "", 3),
+    "gone astray": ("astray", "", 3),
+    "NEES, median": ("error-squared-median", "", 2),
+    "mean": ("error-squared-mean", "", 1),
 }
 
 
@@ -187,8 +205,9 @@ def _table(p: Scores, names: Iterator[str]) -> str:
     columns = p.estimator, p.metric, p.part, p.value.tolist(), p.stderr.tolist()
     pooled = {(e, m, q): (v, s) for e, m, q, v, s in zip(*columns, strict=True)}
     value = partial(stations.cell, pooled)
-    rows = [[n, *(value((n, m, q), d) for m, q, d in COLUMNS.values())] for n in names]
-    return page.table(["estimator, stations", *COLUMNS], rows)
+    shown = {t: c for t, c in COLUMNS.items() if any(c[0] == m for _, m, _ in pooled)}
+    rows = [[n, *(value((n, m, q), d) for m, q, d in shown.values())] for n in names]
+    return page.table(["", *shown], rows)
 
 
 def _draw_numbers(p: Scores, path: Path) -> None:
@@ -235,12 +254,29 @@ INTRODUCTION = """\
 from the same templates (preset `templates`) or from clusters (`tuned`, the chain of
 [the other page](stations.md)). The bodies that they look for are those that are simulated.
 Mean over scans 11 to 200 and recordings ± standard error over recordings; normalised OSPA and
-GOSPA of order 2, cut-off 5 m."""
+GOSPA of order 2, cut-off 5 m. *Gone astray*: share of the runs in which, for more than a second,
+a target is missed, false (1.5 m) or of another class. *NEES*: squared errors of places in units of
+their covariance, over scans and targets; the median should be 1.4 and the mean 2."""
 STREET_WORDS = """\
 ## A street
 
 120 m, ten targets, lanes 3.5 m apart, four stations on masts of 6 m: a layout that nothing was
 learnt for."""
+LAYOUT_WORDS = """\
+## Other powers, layouts and times
+
+`tbd`, six stations, {runs} runs each, nothing changed but the scene. Noise bounds what a station
+of 20 dBm sees: a pedestrian at 50 m is 25 dB above it, where 30 dBm have 35 dB."""
+BODY_WORDS = """\
+## Bodies that are not those looked for
+
+`tbd`, six and three stations, {runs} runs each; vehicles differ from those stated to it. *Sizes
+drawn*: log length and log width of each vehicle have deviations of 0.15 and 0.07."""
+BESIDE_WORDS = """\
+## Side by side
+
+Two targets that go on side by side, `tbd`, six stations, {runs} runs of 40 scans each, anywhere and
+in any direction: found are both where both have an estimate within {found} m."""
 PICTURES = """\
 ## Runs that used to fail
 

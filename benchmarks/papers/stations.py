@@ -46,7 +46,7 @@ from echoset.formats.windows import concatenate as join
 from echoset.metrics.pooling import pool
 from echoset.models.parameters import as_dict, resolve
 from echoset.models.random import generator
-from echoset.models.records import Recording, Scores
+from echoset.models.records import Estimates, Recording, Scores
 from echoset.report.plots import style
 from echoset.report.plots.panels import legend
 from echoset.simulate import jsc
@@ -92,9 +92,14 @@ def scored(recording: Recording, condition: Condition, soft: stations.Soft, part
     return scores(recording, steps, over_time)
 
 
+def joined(steps: stations.Steps) -> Estimates:
+    """The steps as one."""
+    return replace(join(steps), meta=steps[0].meta)
+
+
 def scores(recording: Recording, steps: stations.Steps, over_time: bool) -> Scores:
     """The scores of estimates, scan by scan too if ``over_time``."""
-    estimates = replace(join(steps), meta=steps[0].meta)
+    estimates = joined(steps)
     tables = [
         echoset.score(estimates, recording, metric, order=2.0, cutoff=cutoff, start=START)
         for metric, cutoff in SETS.items()

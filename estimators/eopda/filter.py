@@ -24,6 +24,7 @@ from ...models.errors import EstimatorError
 from ...models.motion import STEP, acceleration_variance, constant_velocity, walk_std
 from ...models.records import Array
 from .cloud.lost import Doubt, merge, search, surprise
+from .cloud.renewal import renewed
 from .cloud.resampling import effective_sample_size, log_mean, normalise, systematic
 from .cloud.start import SPAN, start
 from .heading import drive, first_headings, is_told, log_heading
@@ -194,6 +195,8 @@ def track(
                 doubt = doubt.found(odds)
             yield step
             state, last = reduce(step.state, rng), event.time_ns
+            if state is not step.state and not params.has_object:
+                state = renewed(state, event, first.height.low, rng)
         except EstimatorError as error:
             raise EstimatorError(f"{name}: at {event.time_ns * 1e-9:g} s: {error}") from None
     if window:

@@ -48,9 +48,9 @@ FEWER = (0.1, 0.2, 0.5, 2.0)
 """Factors of the number of scattered ranges that are tried."""
 LATE = ((0.2, 1.5, 1.0), (0.2, 1.5, 0.7), (0.5, 1.5, 0.7), (0.2, 4.0, 1.0))
 """Shares of late ranges that are tried, their detours in units of the noise, and its factors."""
-NARROW = 0.3
+NARROW = 0.6
 """Factor of an anchor's own part of the offset with which learning begins, at rest."""
-WIDER, WALKS = (1.0, 3.0), (0.01, 0.02, 0.05)
+SPREADS, WALKS = (0.3, 1.0, 3.0), (0.01, 0.02, 0.05)
 """Factors of that part, and its walks [m s-1/2], that are tried."""
 FARTHEST = 3
 """Steps that a walk may be climbed away from what is told."""
@@ -179,8 +179,8 @@ def learn(
                     search.settle(SLOWER, "axes_std", "width_std")
             search.climb(1.6, "acceleration_std", most=FARTHEST)
         if "bias" in wanted and is_first and search.best.range_bias_std > 0:
-            for wider in WIDER:
-                search.offer(range_bias_spread=wider * params.range_bias_spread)
+            for spread in SPREADS:
+                search.offer(range_bias_spread=spread * params.range_bias_spread)
             for walk in WALKS:
                 search.offer(range_bias_walk=walk)
         if "rates" in wanted and is_first and _stays(search, search.best) == 0.0:

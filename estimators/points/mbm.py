@@ -43,6 +43,7 @@ from .model.sensing import (
     spread,
 )
 from .model.targets import NAMES, UNITS, born
+from .modes import initial
 from .search import Sighting, searched
 from .times import observe, remember, through
 from .trails import Trail
@@ -117,7 +118,7 @@ def step(
     memory = remember(state.memory, moment, n, label, m[:, :2], x.label)
     state = replace(state, memory=memory, cut={**state.cut, **cut})
     survive = params.p_survive**gone.steps
-    return state, Epoch(together[0].time_ns, x, gone.F, gone.Q, survive)
+    return state, Epoch(together[0].time_ns, x, gone.F, gone.Q, survive, state.way)
 
 
 def estimate(
@@ -156,7 +157,7 @@ def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimate
     classes: dict[int, Array] = {}
 
     def forward() -> Iterator[tuple[Estimates, Epoch]]:
-        for state, epoch in through(context, scans, init(params.width), step):
+        for state, epoch in through(context, scans, init(params.width, initial(params)), step):
             classes.update(state.memory.classes)
             x, none = state.mixture, np.zeros(0, np.int64)
             nobody = _listed(epoch.time_ns, none, x.local.r[none], x.local.m[none], x.local.P[none])
@@ -185,7 +186,7 @@ def _searched(
 
     def filtered() -> Iterator[tuple[dict[str, Array], Epoch, tuple[Sighting, ...]]]:
         known = partial(step, sights=sights)
-        for state, epoch in through(context, scans, init(params.width), known):
+        for state, epoch in through(context, scans, init(params.width, initial(params)), known):
             classes.update(state.memory.classes)
             yield _counted(state, context), epoch, tuple(sights)
             sights.clear()
@@ -244,7 +245,7 @@ def _lagging(context: Context[Params], scans: Iterable[Scan], lag: float) -> Ite
         objects = context.source.named(objects, state.memory.classes)
         return Estimates(context.setup.meta, objects, numbers.popleft())
 
-    for state, epoch in through(context, scans, init(params.width), step):
+    for state, epoch in through(context, scans, init(params.width, initial(params)), step):
         epochs.append(epoch)
         moved = _moved(state.mixture, moved, params, epochs)
         numbers.append(_counted(state, context))

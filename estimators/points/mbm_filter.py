@@ -17,6 +17,7 @@ from .context import FilterParams
 from .cuts import Cut
 from .kernels import births
 from .kernels.bernoulli import (
+    ONE,
     TINY,
     Bernoullis,
     Mixture,
@@ -31,17 +32,20 @@ from .kernels.bernoulli import (
 from .kernels.bernoulli import newborn as begun
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
+from .kernels.modes import Way
 from .kernels.poisson import first_detections as of_each
 from .model.edge import detection_probability, unseen
 from .model.sensing import Look, SensorParams, innovations, log_likelihood, updated
+from .model.sight import Sight
 from .model.targets import Interval, elapse, limit, newborn, started
+from .modes import ModeParams, initial, moved
 from .times import Memory
 from .trails import TrailParams
 
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(TrailParams, BacklogParams, FilterParams):
+class Params(TrailParams, ModeParams, BacklogParams, FilterParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     TITLE = "mixture"
@@ -149,9 +153,10 @@ class Params(TrailParams, BacklogParams, FilterParams):
 
     def __post_init__(self) -> None:
         FilterParams.__post_init__(self)
+        ModeParams.__post_init__(self)
         TrailParams.__post_init__(self)
-        undetected = self.poisson or self.smooth != SEARCH
-        require(undetected, "smooth", "search with poisson alone", self.smooth)
+        known = self.smooth != SEARCH or (self.poisson and self.motion != "imm")
+        require(known, "smooth", "search with poisson alone, and one motion", self.smooth)
 
     @property
     def dependence(self) -> float | None:
@@ -167,7 +172,8 @@ class State:
     ``undetected`` are targets no detection has told of, ``backlog`` those of them that may be
     anywhere, ``waiting`` what appeared at the last detections and enters with the next prediction;
     ``next_label`` is free, ``memory`` what is known
-    beside; ``cut`` is the expected number of targets that limits left out this time.
+    beside; ``cut`` is the expected number of targets that limits left out this time. ``way`` is how
+    those that manoeuvre came there.
     """
 
     mixture: Mixture
@@ -178,12 +184,13 @@ class State:
     time_ns: int | None
     memory: Memory = field(default_factory=Memory)
     cut: Cut = field(default_factory=dict)
+    way: Way | None = None
 
 
-def init(width: int = 4) -> State:
-    """Nothing is known of targets whose state has so many entries."""
+def init(width: int = 4, mode: Array = ONE) -> State:
+    """Nothing is known of targets whose state has so many entries, and modes as of ``mode``."""
     none = births.none(width)
-    return State(nothing(width), none, none, Backlog(0.0), 0, None)
+    return State(nothing(width, mode), none, none, Backlog(0.0), 0, None)
 
 
 def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval]:
@@ -195,7 +202,7 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
     """
     gone = elapse(params, state.time_ns, time_ns)
     a = state.mixture.local
-    m, P, known = gone.predict(a.m, a.P)
+    m, P, modes, way, known = moved(a.m, a.P, a.modes, params, gone)
     backlog = Backlog(params.backlog) if state.time_ns is None else state.backlog
     change = params.hide_rate + params.show_rate
     settled = params.show_rate / change if change else 1.0
@@ -206,9 +213,10 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
         settled + (a.visible - settled) * np.exp(-change * gone.dt),
         a.unseen + gone.dt,
         np.arange(len(a)),
+        modes,
     )
     mixture = replace(state.mixture.restarted(), local=local)
-    state = replace(state, mixture=mixture, time_ns=time_ns, cut={})
+    state = replace(state, mixture=mixture, time_ns=time_ns, cut={}, way=way)
     new = births.join(_moved(state.waiting, params, gone), newborn(params, gone))
     state = replace(state, waiting=births.none(params.width))
     if params.poisson:
@@ -218,7 +226,7 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
     w, m, P = births.at_most_one(*new)
     certain = np.ones((len(state.mixture.w), len(w)), bool)
     group = np.full(len(w), 0 if params.dependence is None else -1)
-    state = _begin(state, begun(w, m, P), certain, group)
+    state = _begin(state, begun(w, m, P, initial(params)), certain, group)
     # A track begins where it is first detected, which is known only then.
     start = state.mixture.start.copy()
     start[len(start) - len(w) :] = np.nan
@@ -240,11 +248,8 @@ def update(
     EstimatorError : no hypothesis is possible
     """
     a = state.mixture.local
-    z_hat, C, S = innovations(seen, a.m, a.P, own.unscented)
-    log_hit = log_likelihood(seen, z_hat, S, params.gate)
-    p, m_missed, P_missed = unseen(seen, a.m, a.P, a.visible, own.fov_mass)
-    with np.errstate(divide="ignore"):
-        log_hit += np.log(_found(seen, own, a, p, log_hit, z_hat, C, S) * a.visible[:, None])
+    sight = Sight.of(a, seen, params.gate, own)
+    log_hit, p = sight.together()
     undetected, (new, m_new, P_new) = first_detections(state.undetected, seen, params, own, even)
     free = np.maximum(seen.clutter + new, TINY)
     found = associate(
@@ -257,10 +262,10 @@ def update(
         params.dependence is not None,
     )
     # (1), and (2) for who is detected.
-    local = missed(replace(a, m=m_missed, P=P_missed), p).take(found.prior)
     hit = np.flatnonzero(found.detection >= 0)
     i, l = found.detection[hit], found.prior[hit]
-    local.m[hit], local.P[hit] = updated(seen, a.m, a.P, z_hat, C, S, l, i)
+    local = missed(sight.missed(), p).take(found.prior)
+    sight.detect(local, hit, l, i)
     local.r[hit] = local.visible[hit] = 1.0
     local.unseen[hit] = 0.0
     start, best = state.mixture.start.copy(), found.mixture.table[0]
@@ -274,7 +279,7 @@ def update(
         state = replace(state, cut={**state.cut, "max_hypotheses": over})
     r = new / free * (1 - found.taken)  # (3)
     some = np.flatnonzero(r > params.min_existence)
-    new_tracks = begun(r[some], m_new[some], P_new[some])
+    new_tracks = begun(r[some], m_new[some], P_new[some], initial(params))
     state = _begin(state, new_tracks, found.free[:, some], found.of[some])
     return state, found.novelty()
 
@@ -315,21 +320,6 @@ def _moved(old: births.Components, params: Params, gone: Interval) -> births.Com
     w = w * gone.survival(params, m)
     m, P, known = gone.predict(m, P)
     return w[known], m[known], P[known]
-
-
-def _found(
-    seen: Look, own: SensorParams, a: Bernoullis, p: Array,
-    log_l: Array, z_hat: Array, C: Array, S: Array,
-) -> Array:  # fmt: skip
-    """Probability of detection (L, 1 or n) by each detection: the mass in view once updated."""
-    partial = (p > 0) & (p < seen.p_detect)
-    if not partial.any():
-        return p[:, None]
-    found = np.repeat(p[:, None], log_l.shape[1], axis=1)
-    l, i = np.nonzero((log_l > -np.inf) & partial[:, None])
-    m, P = updated(seen, a.m, a.P, z_hat, C, S, l, i)
-    found[l, i] = detection_probability(seen, m, P, own.fov_mass)
-    return found
 
 
 def first_detections(

@@ -3,7 +3,7 @@
 Beside nearly constant velocity a target can turn, at rates that are given, or shake more. It begins
 a manoeuvre and ends it as a Markov chain in time. H. A. P. Blom and Y. Bar-Shalom, "The interacting
 multiple model algorithm for systems with Markovian switching coefficients", IEEE Trans. Autom.
-Control 33 (1988) 780-783. All modes share the state x y vx vy; each has its own Gaussian.
+Control 33 (1988) 780-783. All modes share the state x y vx vy.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from scipy.linalg import expm
 from ...models.motion import coordinated_turn, white_acceleration
 from ...models.parameters import parameter, require
 from ...models.records import Array
-from .kernels.compiled.pairs import matched
+from .kernels.modes import Modes, Way
+from .model.targets import VAGUE, Interval
 
 
 # Without slots: classes that have some cannot be composed.
@@ -86,73 +87,19 @@ def _transitions(
     return F, Q.reshape(n, 4, 4), expm(change * dt)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Modes:
-    """M modes of T targets: w (T, M), which add up to 1, m (T, M, dx), P (T, M, dx, dx)."""
+def moved(
+    m: Array, P: Array, modes: Modes | None, params: ModeParams, gone: Interval
+) -> tuple[Array, Array, Modes | None, Way | None, Array]:
+    """Moments m (T, dx), P (T, dx, dx) and ``modes`` of targets after an interval.
 
-    w: Array
-    m: Array
-    P: Array
-
-    @staticmethod
-    def of(w: Array, m: Array, P: Array) -> Modes:
-        """Targets m (T, dx), P (T, dx, dx) of which only the probabilities w (M,) are known."""
-        T, M = len(m), len(w)
-        many = np.repeat(m[:, None], M, axis=1), np.repeat(P[:, None], M, axis=1)
-        return Modes(np.tile(w, (T, 1)), *many)
-
-    def take(self, index: Array) -> Modes:
-        """Those of the targets ``index``."""
-        return Modes(self.w[index], self.m[index], self.P[index])
-
-    def join(self, other: Modes) -> Modes:
-        """Those of both."""
-        pairs = ((self.w, other.w), (self.m, other.m), (self.P, other.P))
-        return Modes(*(np.concatenate(pair) for pair in pairs))
-
-    def flat(self) -> tuple[Array, Array, Array]:
-        """The same as w (T M,), m (T M, dx), P (T M, dx, dx), target by target."""
-        dx = self.m.shape[2]
-        return self.w.ravel(), self.m.reshape(-1, dx), self.P.reshape(-1, dx, dx)
-
-    def like(self, w: Array, m: Array, P: Array) -> Modes:
-        """Others of the same shape from what is :meth:`flat`."""
-        return Modes(w.reshape(self.w.shape), m.reshape(self.m.shape), P.reshape(self.P.shape))
-
-    def together(self) -> tuple[Array, Array]:
-        """Moments m (T, dx), P (T, dx, dx) of the targets."""
-        T, M = self.w.shape
-        _, m, P = matched(np.repeat(np.arange(T), M), *self.flat(), T)
-        return m, P
-
-    def predict(self, F: Array, Q: Array, Pi: Array) -> tuple[Modes, Array]:
-        """The modes after a step, and the covariance (T, dx, dx) of states before and after.
-
-        F, Q (M, dx, dx) move what has become each mode, as Pi (M, M) says.
-        """
-        joint = self.w[:, :, None] * Pi
-        w = joint.sum(1)
-        share = joint / np.where(w > 0, w, 1.0)[:, None]
-        mean = np.einsum("tij,tia->tja", share, self.m)
-        v = self.m[:, :, None] - mean[:, None]
-        spread = np.einsum("tij,tiab->tjab", share, self.P)
-        spread += np.einsum("tij,tija,tijb->tjab", share, v, v)
-        moved = Modes(w, np.einsum("jab,tjb->tja", F, mean), F @ spread @ F.swapaxes(1, 2) + Q)
-        before, after = self.together()[0], moved.together()[0]
-        u, e = mean - before[:, None], moved.m - after[:, None]
-        cross = np.einsum("tj,tjab,jcb->tac", w, spread, F)
-        return moved, cross + np.einsum("tj,tja,tjb->tab", w, u, e)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Way:
-    """How T targets by label (T,), rising, came: predicted m (T, dx), P (T, dx, dx), and back.
-
-    The ``gain`` (T, dx, dx) is the covariance of a target's states before and after, times the
-    inverse of P: what is learnt of the state after tells so much of the one before.
+    Then how those with modes came there, and whether (T,) anything is known of them still.
     """
-
-    label: Array
-    m: Array
-    P: Array
-    gain: Array
+    if modes is None:
+        m, P, known = gone.predict(m, P)
+        return m, P, None, None, known
+    F, Q, Pi = transitions(params, gone.dt)
+    F, Q = np.concatenate((gone.F[None], F)), np.concatenate((gone.Q[None], Q))
+    modes, cross = modes.predict(F, Q, Pi)
+    m, P = modes.together()
+    way = Way(m, P, np.linalg.solve(P, cross.swapaxes(1, 2)).swapaxes(1, 2))
+    return m, P, modes, way, np.trace(P[:, :2, :2], axis1=1, axis2=2) < VAGUE**2

@@ -20,10 +20,11 @@ from .kernels.compiled import gaussians
 from .kernels.compiled.association import marginals
 from .kernels.compiled.pairs import matched
 from .kernels.gaussians import falling, strongest
+from .kernels.modes import Modes, Way
 from .model.edge import Border, detection_probability
 from .model.sensing import UNKNOWN, Look, SensorParams, positions
-from .model.targets import VAGUE, Interval, elapse, newborn, started
-from .modes import ModeParams, Modes, Way, initial, transitions
+from .model.targets import Interval, elapse, newborn, started
+from .modes import ModeParams, initial, moved
 from .pairs import Pairs, near
 from .times import Memory
 from .trails import TrailParams
@@ -136,7 +137,10 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
     InputError : the time goes back
     """
     gone = elapse(params, state.time_ns, time_ns)
-    tracks, way = _moved(state.tracks, params, gone)
+    a = state.tracks
+    r = a.r * gone.survival(params, a.m)
+    m, P, modes, way, known = moved(a.m, a.P, a.modes, params, gone)
+    tracks = Tracks(a.label, r, m, P, modes).take(np.flatnonzero(known))
     w, m, P = state.undetected
     w = w * gone.survival(params, m)
     m, P, known = gone.predict(m, P)
@@ -153,21 +157,6 @@ def predict(state: State, params: Params, time_ns: int) -> tuple[State, Interval
         way=way,
         evidence=0.0,
     ), gone
-
-
-def _moved(a: Tracks, params: Params, gone: Interval) -> tuple[Tracks, Way | None]:
-    """The tracks after an interval, and the way that those with modes came."""
-    r, modes, way = a.r * gone.survival(params, a.m), None, None
-    if a.modes is None:
-        m, P, known = gone.predict(a.m, a.P)
-    else:
-        F, Q, Pi = transitions(params, gone.dt)
-        F, Q = np.concatenate((gone.F[None], F)), np.concatenate((gone.Q[None], Q))
-        modes, cross = a.modes.predict(F, Q, Pi)
-        m, P = modes.together()
-        way = Way(a.label, m, P, np.linalg.solve(P, cross.swapaxes(1, 2)).swapaxes(1, 2))
-        known = np.trace(P[:, :2, :2], axis1=1, axis2=2) < VAGUE**2
-    return Tracks(a.label, r, m, P, modes).take(np.flatnonzero(known)), way
 
 
 def update(state: State, seen: Look, params: Params, own: SensorParams) -> State:

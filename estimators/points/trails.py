@@ -16,8 +16,8 @@ import numpy as np
 from ...models.parameters import parameter
 from ...models.records import Array
 from ..kernels.passes import SmoothParams
+from .kernels.modes import Way
 from .kernels.smoothing import existed, rts
-from .modes import Way
 from .source import Classes
 
 
@@ -71,11 +71,7 @@ def back(later: Trail | None, now: Trail) -> Trail:
     if later.way is None:
         m[here], P[here] = rts(m[here], P[here], *ahead, later.F, later.Q)
     else:
-        came = np.searchsorted(later.way.label, now.label[here])
-        gain = later.way.gain[came]
-        m[here] += (gain @ (ahead[0] - later.way.m[came])[..., None])[..., 0]
-        change = gain @ (ahead[1] - later.way.P[came]) @ gain.swapaxes(1, 2)
-        P[here] += (change + change.swapaxes(1, 2)) / 2
+        m[here], P[here] = later.way.back(here, m[here], P[here], *ahead)
     alive = set(now.label.tolist())
     kept: Mapping[int, Array] = {l: p for l, p in later.classes.items() if l in alive}
     return replace(now, r=r, m=m, P=P, classes={**now.classes, **kept})

@@ -1,5 +1,6 @@
 """What the classifier learns from, and that its network is PyTorch's."""
 
+import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,7 @@ import pytest
 
 from echoset.campaign.scenarios import find
 from echoset.control import training
-from echoset.control.windows import _varied, join, scenes
+from echoset.control.windows import Windows, _varied, join, scenes
 from echoset.estimators.maps.detector import SHIPPED
 from echoset.estimators.maps.kernels.cnn import probabilities
 from echoset.formats import weights
@@ -81,13 +82,34 @@ def test_scenes_vary_in_power_and_layout(scene):
     assert _varied(scene, None, (1.0, 1.0), rng) == scene
 
 
-def test_weights_say_how_they_were_made(scene, monkeypatch):
+def test_weights_say_how_they_were_made(scene, made, monkeypatch):
     monkeypatch.setattr(training, "require_torch", lambda: type("t", (), {"__version__": "2"}))
-    accuracy = [training.Accuracy(3, 0.91234, 0.01, 48)]
-    made = training.story("jsc-6bs", scene, training.Params(scenes=5), 9, accuracy)
-    assert made["seed"] == 9 and made["settings"]["scenes"] == 5 and made["scene"]["eirp"] == 30.0
-    assert made["accuracy by stations"] == {"3": [0.9123, 0.01]}
-    assert json.loads(json.dumps(made))["settings"]["eirp"] == [20.0, 50.0]
+    accuracy, params = [training.Accuracy(3, 0.91234, 0.01, 0.23456, 48)], training.Params(scenes=5)
+    learnt = made["train"], made["test"]
+    told = training.story("jsc-6bs", scene, params, 9, learnt, accuracy)
+    assert told["seed"] == 9 and told["settings"]["scenes"] == 5 and told["scene"]["eirp"] == 30.0
+    assert told["accuracy by stations"] == {"3": [0.9123, 0.01]}
+    assert told["log loss by stations"] == {"3": 0.2346}
+    assert json.loads(json.dumps(told))["settings"]["eirp"] == [20.0, 50.0]
+    w = made["test"]
+    whole = b"".join(a.tobytes() for a in (w.power, w.kind, w.stations, w.scene))
+    digest = hashlib.sha256(whole).hexdigest()
+    assert told["streams"]["classifier:test"] == digest != told["streams"]["classifier:train"]
+
+
+def test_accuracy_and_log_loss_by_stations(monkeypatch):
+    """Of four windows with known probabilities: three right; the mean of -log p by hand."""
+    windows = Windows(
+        np.zeros((4, 60, 60), np.float32),
+        np.array([0, 1, 1, 0]),
+        np.array([2, 2, 2, 2]),
+        np.array([0, 0, 1, 1]),
+    )
+    p = np.array([[0.9, 0.1], [0.2, 0.8], [0.75, 0.25], [0.6, 0.4]])
+    monkeypatch.setattr(training, "probabilities", lambda weights, power: p)
+    (found,) = training.evaluate(weights.read(SHIPPED), windows)
+    assert (found.stations, found.share, found.windows) == (2, 0.75, 4)
+    assert found.log_loss == pytest.approx(-np.log([0.9, 0.8, 0.25, 0.6]).mean())
 
 
 def test_training_learns_and_repeats(made):

@@ -27,7 +27,7 @@ from .moves import CROWD, born, needed, overlapping, rethought, without
 from .params import Params
 from .scene import Layout, View
 from .smoothing import Trail, back
-from .targets import GAIN, SURE, YOUNG, Targets, predict, update
+from .targets import GAIN, SURE, VEHICLE, YOUNG, Targets, predict, update
 
 __all__ = ["PRESETS", "STREAMS", "SUMMARY", "Params", "estimate"]
 SUMMARY = "Track-before-detect in range-angle maps of base stations, by the likelihood of all cells"
@@ -141,7 +141,7 @@ def _forward(
     for time_ns, together in groupby(maps, key=lambda scan: scan.time_ns):
         state = step(state, list(together), layout, setup, params)
         trail = Trail(time_ns, state.targets)
-        objects = _objects(trail, params.extract_existence)
+        objects = _objects(trail, params)
         yield Estimates(replace(setup.meta), objects, _numbers(state.targets)), trail
 
 
@@ -150,19 +150,21 @@ def _backward(params: Params) -> Callable[[Trail | None, Trail], tuple[Trail, Ob
 
     def step(later: Trail | None, now: Trail) -> tuple[Trail, Objects]:
         trail = back(later, now, params)
-        return trail, _objects(trail, params.extract_existence)
+        return trail, _objects(trail, params)
 
     return step
 
 
-def _objects(trail: Trail, least: float) -> Objects:
-    """The targets of one time whose existence is more probable than ``least``."""
+def _objects(trail: Trail, params: Params) -> Objects:
+    """The targets of one time whose existence is probable enough."""
     t = trail.targets
     if not np.isfinite(t.m).all():
         raise EstimatorError("the state of a target is not finite")
     p = 1 / (1 + np.exp(-t.exists))
-    shown = np.flatnonzero(p > least)
+    shown = np.flatnonzero(p > params.extract_existence)
     t, n = t.take(shown), len(shown)
+    P = t.P[:, :4, :4].copy()
+    P[:, [0, 1], [0, 1]] += (params.std_body**2 * (t.kind == VEHICLE))[:, None]
     vehicle = 1 / (1 + np.exp(-t.vehicle))
     probability = np.stack((1 - vehicle, vehicle), 1)
     return Objects(
@@ -172,7 +174,7 @@ def _objects(trail: Trail, least: float) -> Objects:
         NAMES,
         UNITS,
         t.m[:, :4],
-        covariance=t.P[:, :4, :4],
+        covariance=P,
         existence=p[shown],
         class_names=CLASSES,
         class_index=probability.argmax(1),

@@ -14,7 +14,7 @@ import numpy as np
 from ....models.records import Array
 from .params import Params
 from .scene import View, windows
-from .targets import OFFSETS, PEDESTRIAN, REACH, VEHICLE, Targets, correct, jumped, prior, vector
+from .targets import PEDESTRIAN, REACH, VEHICLE, Targets, correct, jumped, modes, prior, vector
 
 HEADINGS, TRIED = 12, 2
 """Headings of a vehicle in half a turn, and how many of the best of a class are refined."""
@@ -69,7 +69,7 @@ def best(
             x, P = prior(params, where, heading)
             m, S = x, P
             for _ in range(1 + kind):
-                start, _ = jumped(view, mean, kind, m, P, OFFSETS[kind], at, params)
+                start, _ = jumped(view, mean, kind, m, P, modes(kind, m, params), at, params)
                 m, S, gain = correct(view, mean, kind, start, P, start, at, params)
             if clear(kind, m, others, params):
                 found.append((gain, kind, m, S))
@@ -176,7 +176,7 @@ def refitted(
         view.add(mean, -1.0, kind, vector(m[i]), view.whole)
         np.maximum(mean, 1.0, out=mean)
         at = windows(view.layout, m[i, 0], m[i, 1], REACH[kind])
-        start, S = jumped(view, mean, kind, m[i], P[i], OFFSETS[kind], at, params)
+        start, S = jumped(view, mean, kind, m[i], P[i], modes(kind, m[i], params), at, params)
         m[i], P[i], _ = correct(view, mean, kind, m[i], S, start, at, params)
         view.add(mean, 1.0, kind, vector(m[i]), view.whole)
     return replace(targets, m=m, P=P), mean

@@ -25,6 +25,14 @@ class BodyParams:
     rcs_pedestrian: float = parameter(1.0, "m2", "of a pedestrian", within="(0, inf)")
     rcs_surface: float = parameter(20.0, "m2", "of each side of a vehicle", within="[0, inf)")
     rcs_corner: float = parameter(5.0, "m2", "of each corner", within="(0, inf)")
+    std_body: float = parameter(
+        0.0,
+        "m",
+        "deviation along each axis of a vehicle's middle from where its body has it, if that is "
+        "another than the one stated: the same for long, so that no map tells and covariances that "
+        "are given have it added",
+        within="[0, inf)",
+    )
     surface_visibility: tuple[float, float] = parameter(
         (0.05, 0.2), "rad", "off its normal a side is seen whole up to, not at all beyond"
     )

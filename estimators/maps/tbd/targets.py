@@ -56,6 +56,9 @@ NEARBY = (
     np.concatenate((_offsets((0.3,), (), 0.0), [[0, 0, -0.12, 0], [0, 0, 0.12, 0]])),
 )
 """What is tried in most scans."""
+LEAP = 20.0
+"""Tempered log-likelihood that a vehicle with one end elsewhere must have beyond others, however
+sure it is: few stations hardly tell such ends."""
 SEARCH = 5
 """Scans from one search of all modes to the next."""
 DIM = -0.5
@@ -111,6 +114,21 @@ class Targets:
     def vectors(self) -> Array:
         """The states (n, 7) as the kernels take them."""
         return self.m[:, ORDER]
+
+
+def modes(kind: int, m: Array, params: Params) -> Array:
+    """Offsets (n, 4) of all modes of a target with the state ``m`` (7,).
+
+    A vehicle may have one end where it is and be longer or shorter at the other.
+    """
+    if kind == PEDESTRIAN:
+        return OFFSETS[kind]
+    size = SIZES[:, 3]
+    reach = params.vehicle_length / 2 * np.exp(m[6]) * np.expm1(size)
+    along = reach[:, None] * np.array([np.cos(m[4]), np.sin(m[4])])
+    zero = np.zeros(len(size))
+    ends = [np.column_stack((sign * along, zero, size)) for sign in (1, -1)]
+    return np.concatenate((OFFSETS[kind], *ends))
 
 
 def motion(params: Params, dt: float) -> Array:
@@ -212,6 +230,7 @@ def jumped(
     x = vector(m)
     S = P[np.ix_(POSE, POSE)] + np.diag((doubt * DOUBTED) ** 2)
     far = 0.5 * (offsets * np.linalg.solve(S, offsets.T).T).sum(1)
+    far[offsets[:, :2].any(1) & (offsets[:, 3] != 0)] = LEAP
     top, best = view.fit(rest, kind, x, at, params.shape, False)[0], None
     for d, cost in zip(offsets, far / params.weight, strict=True):
         y = x.copy()
@@ -242,7 +261,7 @@ def update(targets: Targets, view: View, mean: Array, params: Params) -> tuple[T
         near = windows(view.layout, m[i, 0], m[i, 1], REACH[k])
         age = int(targets.age[i])
         few = age > YOUNG / 2 and (age + targets.label[i]) % SEARCH
-        offsets = (NEARBY if few else OFFSETS)[k]
+        offsets = NEARBY[k] if few else modes(k, m[i], params)
         doubt = 3.0 if age < YOUNG else 1.0
         start, S = jumped(view, mean, k, m[i], P[i], offsets, near, params, doubt)
         x, S, _ = correct(view, mean, k, m[i], S, start, near, params)

@@ -11,6 +11,7 @@ implementation", IEEE Trans. Aerosp. Electron. Syst. 54 (2018) 1883-1901.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +20,13 @@ from ....models.records import Array
 from .compiled import bernoulli as compiled
 from .compiled import gaussians, groups
 from .gaussians import falling, moments
-from .groups import OVER, SHARE, marginal
+from .groups import OVER, SHARE, marginal, taken
+from .modes import Modes
 
 TINY = 1e-300
+_COLUMNS = ("r", "m", "P", "visible", "unseen", "origin")
+ONE = np.ones(1)
+"""Of targets that move in one way, the probabilities (1,) of their modes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +35,8 @@ class Bernoullis:
 
     ``visible`` (L,) is the probability that the object, if there is one, can be detected now;
     ``unseen`` (L,) [s] how long ago it was; ``origin`` (L,) the index that the Bernoulli had after
-    the scans before, -1 for a new one.
+    the scans before, -1 for a new one. Where targets manoeuvre m and P are the moments of their
+    ``modes``.
     """
 
     r: Array
@@ -39,23 +45,34 @@ class Bernoullis:
     visible: Array
     unseen: Array
     origin: Array
+    modes: Modes | None = None
 
     def __len__(self) -> int:
         return len(self.r)
 
     def take(self, index: Array) -> Bernoullis:
         """The Bernoullis ``index``."""
-        return Bernoullis(*(getattr(self, name)[index] for name in Bernoullis.__slots__))
+        modes = None if self.modes is None else self.modes.take(index)
+        columns: dict[str, Any] = {name: getattr(self, name)[index] for name in _COLUMNS}
+        return Bernoullis(**columns, modes=modes)
 
     def join(self, other: Bernoullis) -> Bernoullis:
         """Those of ``self``, then those of ``other``."""
-        pairs = ((getattr(self, name), getattr(other, name)) for name in Bernoullis.__slots__)
-        return Bernoullis(*(np.concatenate(pair) for pair in pairs))
+        columns: dict[str, Any] = {
+            name: np.concatenate((getattr(self, name), getattr(other, name))) for name in _COLUMNS
+        }
+        modes = None
+        if self.modes is not None:
+            assert other.modes is not None
+            modes = self.modes.join(other.modes)
+        return Bernoullis(**columns, modes=modes)
 
 
-def newborn(r: Array, m: Array, P: Array) -> Bernoullis:
-    """Visible Bernoullis without a past."""
-    return Bernoullis(r, m, P, np.ones(len(r)), np.zeros(len(r)), np.full(len(r), -1))
+def newborn(r: Array, m: Array, P: Array, mode: Array = ONE) -> Bernoullis:
+    """Visible Bernoullis without a past, in modes of the probabilities ``mode`` (M,)."""
+    modes = Modes.of(mode, m, P) if len(mode) > 1 else None
+    one, none = np.ones(len(r)), np.zeros(len(r))
+    return Bernoullis(r, m, P, one, none, np.full(len(r), -1), modes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,9 +127,9 @@ class Mixture:
         return replace(
             self,
             w=w,
-            table=groups.taken(self.table, row, self.group, -1),
+            table=taken(self.table, row, self.group, -1),
             group=group,
-            parent=groups.taken(self.parent, row, self.heir, 0),
+            parent=taken(self.parent, row, self.heir, 0),
             heir=into[self.heir],
         )
 
@@ -135,9 +152,9 @@ class Mixture:
         return replace(self, parent=np.tile(np.arange(G)[:, None], (1, C)), came=every, heir=every)
 
 
-def nothing(dx: int) -> Mixture:
-    """No track, one hypothesis: certainly nothing there."""
-    none = newborn(np.zeros(0), np.zeros((0, dx)), np.zeros((0, dx, dx)))
+def nothing(dx: int, mode: Array = ONE) -> Mixture:
+    """No track, one hypothesis: certainly nothing there. Targets have modes as of ``mode`` (M,)."""
+    none = newborn(np.zeros(0), np.zeros((0, dx)), np.zeros((0, dx, dx)), mode)
     label, table = np.zeros(0, np.int64), np.zeros((1, 0), np.int64)
     return Mixture.whole(none, label, none.m, np.ones(1), table)
 
@@ -388,7 +405,8 @@ def merge(mixture: Mixture, distance: float, existence: float) -> Mixture:
     leader, r, m, P, visible = compiled.group(
         of, omega, a.r, a.m, a.P, a.visible, distance, existence
     )
-    local = replace(a, r=r, m=m, P=P, visible=visible)
+    modes = None if a.modes is None else a.modes.merged(leader, omega * a.r)
+    local = replace(a, r=r, m=m, P=P, visible=visible, modes=modes)
     return replace(mixture, local=local, table=np.append(leader, -1)[mixture.table])
 
 
@@ -432,6 +450,8 @@ def unite(mixture: Mixture, distance: float) -> Mixture:
     scale = np.tile(np.eye(a.m.shape[1]), (len(a), 1, 1))
     r, m, P, leader = gaussians.merge(a.r, a.m, a.P, scale, distance**2)
     united = replace(a.take(leader), r=np.minimum(r, 1.0), m=m, P=P)
+    if united.modes is not None:
+        united = replace(united, modes=Modes.each(united.modes.w, m, P))
     table = mixture.table.copy()
     table[0] = -1
     table[0, tracks[leader]] = len(mixture.local) + np.arange(len(leader))

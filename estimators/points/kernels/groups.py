@@ -84,7 +84,7 @@ def taken(values: Array, row: Array, column: Array, none: int) -> Array:
 
     It is ``none`` where there is no row: -1.
     """
-    each = row[:, column]
+    each = row.take(column, axis=1)
     found = np.take_along_axis(values, np.maximum(each, 0), 0)
     return np.where(each >= 0, found, none)
 

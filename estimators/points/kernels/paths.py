@@ -16,7 +16,7 @@ import numpy as np
 from ....models.motion import backwards
 from ....models.records import Array
 from .bernoulli import Mixture
-from .smoothing import Epoch, existed, rts
+from .smoothing import Epoch, existed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +107,7 @@ def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
     m_out, P_out = m @ inverse.T, inverse @ (P + Q) @ inverse.T
     here = np.flatnonzero(before >= 0)
     a = now.mixture.local.take(before[here])
-    m_out[here], P_out[here] = rts(a.m, a.P, m[here], P[here], F, Q)
+    m_out[here], P_out[here] = later.epoch.back(now.mixture, before[here], m[here], P[here])
     hit = np.zeros(len(kept), bool)
     hit[here] = a.unseen == 0
     given_up = later.given_up[kept]

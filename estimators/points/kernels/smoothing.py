@@ -14,13 +14,15 @@ import numpy as np
 from ....models.motion import backwards
 from ....models.records import Array
 from .bernoulli import Mixture
+from .modes import Way
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Epoch:
     """The mixture after the scans at ``time_ns``, how it came there: F, noise Q (dx, dx).
 
-    Targets of the time before ``survive`` until then with that probability.
+    Targets of the time before ``survive`` until then with that probability; ``way`` is how those
+    that manoeuvre came.
     """
 
     time_ns: int
@@ -28,6 +30,16 @@ class Epoch:
     F: Array
     Q: Array
     survive: float
+    way: Way | None = None
+
+    def back(
+        self, before: Mixture, at: Array, m_later: Array, P_later: Array
+    ) -> tuple[Array, Array]:
+        """Moments of the Bernoullis ``at`` (k,) ``before``, given those smoothed at this time."""
+        m, P = before.local.m[at], before.local.P[at]
+        if self.way is None:
+            return rts(m, P, m_later, P_later, self.F, self.Q)
+        return self.way.back(at, m, P, m_later, P_later)
 
 
 def ended(epochs: Sequence[Epoch], alive: Array) -> dict[int, list[tuple[int, int]]]:
@@ -63,16 +75,12 @@ def smooth(epochs: Sequence[Epoch], index: Array) -> tuple[Array, Array, Array, 
     begin = np.full(len(index), epochs[-1].time_ns)
     for now, after in zip(epochs[-2::-1], epochs[:0:-1], strict=True):
         index = np.append(after.mixture.local.origin, -1)[index]
-        F, back = after.F, backwards(after.F)
+        back = backwards(after.F)
         m_all, P_all = m @ back.T, back @ (P + after.Q) @ back.T
         here = np.flatnonzero(index >= 0)
-        a = now.mixture.local.take(index[here])
-        predicted = F @ a.P @ F.T + after.Q
-        gain = np.linalg.solve(predicted, F @ a.P).swapaxes(1, 2)
-        m_all[here] = a.m + (gain @ (m[here] - a.m @ F.T)[..., None])[..., 0]
-        P_all[here] = a.P + gain @ (P[here] - predicted) @ gain.swapaxes(1, 2)
+        m_all[here], P_all[here] = after.back(now.mixture, index[here], m[here], P[here])
         m, P = m_all, (P_all + P_all.swapaxes(1, 2)) / 2
-        r[here] = np.maximum(r[here], a.r)
+        r[here] = np.maximum(r[here], now.mixture.local.r[index[here]])
         begin[here] = now.time_ns
     return (epochs[0].time_ns - begin) / 1e9, r, m, P
 

@@ -369,7 +369,7 @@ def expected(look: Look, m: Array, P: Array, unscented: bool) -> tuple[Array, Ar
     (extended) or by 2 dx sigma points (unscented, kappa = 0; Julier and Uhlmann 2004).
     """
     if not look.polar:
-        return m[:, :2], P[:, :, :2], P[:, :2, :2]
+        return m[:, :2].copy(), P[:, :, :2], P[:, :2, :2].copy()
     local = (m[:, :2] - look.position) @ look.rotation
     distance, azimuth = polar(local)
     z_hat = np.stack((distance, azimuth), 1)

@@ -6,6 +6,7 @@ from scipy import stats
 
 from echoset.estimators.points.kernels import gaussians
 from echoset.estimators.points.kernels.compiled import gaussians as compiled
+from echoset.estimators.points.kernels.compiled import parts
 
 PERIOD = np.array([0.0, 2 * np.pi])
 
@@ -98,6 +99,13 @@ def test_merging_keeps_weight_mean_and_spread(case):
     np.testing.assert_allclose(w[0], c["w"].sum())
     np.testing.assert_allclose(m[0] * w[0], c["w"] @ c["m"])
     np.testing.assert_allclose((P[0] + np.outer(m[0], m[0])) * w[0], second, atol=1e-9)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3, 7, 8, 9, 100])
+def test_falling_order_keeps_equals_as_they_stand(n):
+    values = np.random.default_rng(n).integers(0, 5, n).astype(float)
+    expected = np.argsort(-values, kind="stable")
+    assert parts.falling.py_func(values).tolist() == expected.tolist()
 
 
 def test_strongest():

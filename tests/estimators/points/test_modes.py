@@ -8,8 +8,10 @@ import pytest
 from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
-from echoset.estimators.points import pmb
-from echoset.estimators.points.modes import ModeParams, Modes, initial, transitions
+from echoset.estimators.points import mbm, pmb
+from echoset.estimators.points.context import Context
+from echoset.estimators.points.kernels.modes import Modes
+from echoset.estimators.points.modes import ModeParams, initial, transitions
 from echoset.models.errors import ParameterError
 from echoset.models.motion import constant_velocity, coordinated_turn, white_acceleration
 from echoset.models.parameters import resolve
@@ -28,6 +30,8 @@ BASE = {
     "min_existence": 1e-300,
 }
 H = np.eye(2, 4)
+OWN = {pmb: {}, mbm: {}}
+FILTERS = pytest.mark.parametrize("own", list(OWN), ids=lambda own: own.__name__.split(".")[-1])
 
 
 @pytest.mark.parametrize("rate", [0.0, 1e-9, 0.3, -2.0])
@@ -71,15 +75,22 @@ def sequences(Z, params):
         yield modes, weight, m, P
 
 
-def filtered(recording, params):
+def filtered(own, recording, params):
     """The best track after every scan, without births after the first."""
-    context = pmb.Context.of(recording.setup(), params)
+    context = Context.of(recording.setup(), params)
     later = replace(context.params, birth_components=())
-    state = pmb.init(context.params)
+    state = pmb.init(params) if own is pmb else own.init(params.width, initial(params))
     for scan in recording.scans():
-        state, _ = pmb.step(state, [scan], context)
+        state, _ = own.step(state, [scan], context)
         context = replace(context, params=later, sensing={"radar": later})
-        yield state.tracks.take(state.tracks.r.argmax()[None])
+        if own is pmb:
+            x = state.tracks
+            yield x.take(x.r.argmax()[None])
+        elif own is mbm:
+            x = state.mixture
+            yield x.local.take(x.table[0, [x.existence()[0].argmax()]])
+        else:
+            yield state.mixture.take(state.mixture.w.argmax()[None])
 
 
 def turning(rng, steps):
@@ -100,12 +111,14 @@ SLOW = {"manoeuvre_rate": 1e-13, "manoeuvre_time": 1e13}
         ({"manoeuvre_rate": 0.02, "manoeuvre_time": 20.0}, 0.05),
     ],
 )
-def test_four_steps_by_enumeration_of_mode_sequences(make_recording, chain, near):
+@FILTERS
+def test_four_steps_by_enumeration_of_mode_sequences(make_recording, own, chain, near):
     """Exact where modes do not change; else the modes are merged at each step, and near."""
     for seed in range(3):
         Z = list(turning(np.random.default_rng(seed), 4))
-        params = pmb.Params(**BASE, motion="imm", manoeuvres=((0.5, 0.1), (-0.5, 1.0)), **chain)
-        *_, found = filtered(make_recording([z[None] for z in Z]), params)
+        base = BASE | OWN[own]
+        params = own.Params(**base, motion="imm", manoeuvres=((0.5, 0.1), (-0.5, 1.0)), **chain)
+        *_, found = filtered(own, make_recording([z[None] for z in Z]), params)
         every = list(sequences(Z, params))
         w = np.array([weight for _, weight, _, _ in every])
         w /= w.sum()
@@ -121,18 +134,19 @@ def test_four_steps_by_enumeration_of_mode_sequences(make_recording, chain, near
         np.testing.assert_allclose(np.diag(found.P[0]) / std**2, 1.0, atol=6 * near)
 
 
-@pytest.mark.parametrize("smooth", ["none", "whole"])
-def test_alike_modes_are_one(make_recording, smooth):
+@FILTERS
+@pytest.mark.parametrize("smooth", ["none", "3s", "whole"])
+def test_alike_modes_are_one(make_recording, own, smooth):
     """Modes that all are the nearly constant velocity: the Kalman filter, and the smoother."""
     rng = np.random.default_rng(4)
     Z = [np.vstack((z[None], rng.uniform(0, 100, (2, 2)))) for z in turning(rng, 8)]
     changes = {**BASE, "p_detect": 0.9, "clutter_rate": 2.0, "p_survive": 0.99, "gate": 20.0}
-    one = pmb.Params(**changes, smooth=smooth, extract_smoothed=0.5)
+    one = own.Params(**changes | OWN[own], smooth=smooth, extract_smoothed=0.5)
     many = replace(one, motion="imm", manoeuvres=((0.0, 0.1), (0.0, 0.1)))
     none = replace(one, motion="imm", manoeuvres=())
     recording = make_recording(Z)
     a, b, c = (
-        list(pmb.estimate(recording.setup(), recording.scans(), params, None))
+        list(own.estimate(recording.setup(), recording.scans(), params, None))
         for params in (one, many, none)
     )
     assert sum(len(x.objects.label) for x in a) > 5

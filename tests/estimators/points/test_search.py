@@ -292,3 +292,6 @@ def test_who_cannot_search_says_so():
         pmb.Params(p_detect=0.9, clutter_rate=1.0, smooth="search")
     with pytest.raises(ParameterError, match="poisson"):
         mbm.Params(p_detect=0.9, clutter_rate=1.0, smooth="search", poisson=False)
+    with pytest.raises(ParameterError, match="one motion"):
+        mbm.Params(p_detect=0.9, clutter_rate=1.0, smooth="search", motion="imm",
+                   manoeuvres=((0.1, 0.1),))  # fmt: skip

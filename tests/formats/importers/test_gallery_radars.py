@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from echoset.formats.importers.csv import importer as csv
-from echoset.formats.importers.ros2 import importer as ros2
+from echoset.formats.importers.ros2.topics import descriptions
 
 PAGE = Path(__file__).parents[3] / "docs/gallery-radars.md"
 SECTIONS = dict(
@@ -92,5 +92,5 @@ def test_a_table_is_read_by_its_mapping(tmp_path: Path, title: str):
 def test_the_mapping_of_a_bag_is_one(tmp_path: Path):
     """What ``ros2`` makes of its keys, before any bag is read."""
     (mapping,) = blocks("A car with radars on ROS 2", "yaml")
-    told = ros2._told(yaml.safe_load(mapping))
+    told = descriptions(yaml.safe_load(mapping))
     assert told["/radar/front/points"]["columns"]["power"].unit == "dB"

@@ -394,7 +394,7 @@ def test_what_cannot_be_is_refused(tmp_path: Path, params, error, message):
 
 def test_windows_are_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Scans late by less than a second are sorted, whatever the windows."""
-    from echoset.formats.importers.ros2 import importer
+    from echoset.formats.importers.ros2 import scans
 
     rng = np.random.default_rng(1)
     messages: list[tuple[str, int, Any]] = []
@@ -404,7 +404,7 @@ def test_windows_are_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         messages.append(("/a", T0 + (k + 9) * 10**8, cloud(stamp, points)))
     bag = write(tmp_path / "bag", messages)
     whole = imported(bag)
-    monkeypatch.setattr(importer, "_SCANS", 15)
+    monkeypatch.setattr(scans, "_SCANS", 15)
     parts = list(ros2.windows([bag], ros2.Params()))
     assert len(parts) > 3
     for a, b in zip(

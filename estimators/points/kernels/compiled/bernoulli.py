@@ -7,6 +7,7 @@ from numba import njit
 
 from .....models.records import Array
 from .gaussians import _cholesky
+from .parts import falling
 
 
 @njit(cache=True)
@@ -16,22 +17,30 @@ def group(
 ) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
     """Unite like Bernoullis of a track, the weightiest first; see the definition."""
     L, d = m.shape
-    leader = np.full(L, -1)
-    r_out, m_out, P_out, visible_out = r.copy(), m.copy(), P.copy(), visible.copy()
-    order = np.argsort(-weight, kind="mergesort")
-    near, root, e = np.empty(L, np.int64), np.zeros((d, d)), np.empty(d)
+    leader, near = np.empty(L, np.int64), np.empty(L, np.int64)
+    root, e, root_of = np.empty((d, d)), np.empty(d), -1
+    r_out, visible_out = np.empty(L), np.empty(L)
+    m_out, P_out = np.empty((L, d)), np.empty((L, d, d))
+    for l in range(L):
+        leader[l], r_out[l], visible_out[l] = -1, r[l], visible[l]
+        for a in range(d):
+            m_out[l, a] = m[l, a]
+            for b in range(d):
+                P_out[l, a, b] = P[l, a, b]
+    order = falling(weight)
     for at in range(L):
         l = order[at]
         if leader[l] >= 0:
             continue
-        leader[l], near[0], size, known = l, l, 1, False
+        leader[l], near[0], size = l, l, 1
+        total, mass = weight[l], weight[l] * r[l]
         for later in range(at + 1, L):
             j = order[later]
             if leader[j] >= 0 or track[j] != track[l] or abs(r[j] - r[l]) > existence:
                 continue
-            if not known:
+            if root_of != l:
                 _cholesky(P[l], root)
-                known = True
+                root_of = l
             d2 = 0.0
             for a in range(d):
                 e[a] = m[j, a] - m[l, a]
@@ -40,26 +49,28 @@ def group(
                 e[a] /= root[a, a]
                 d2 += e[a] * e[a]
             if d2 <= distance:
-                leader[j] = l
-                near[size] = j
+                leader[j], near[size] = l, j
                 size += 1
-        total, mass = 0.0, 0.0
-        for j in near[:size]:
-            total += weight[j]
-            mass += weight[j] * r[j]
+                total += weight[j]
+                mass += weight[j] * r[j]
         if size == 1 or mass == 0.0:
             continue
-        m_out[l], P_out[l], visible_out[l] = 0.0, 0.0, 0.0
-        for j in near[:size]:
+        r_out[l], visible_out[l] = mass / total, 0.0
+        for a in range(d):
+            m_out[l, a] = 0.0
+            for b in range(d):
+                P_out[l, a, b] = 0.0
+        for s in range(size):
+            j = near[s]
             share = weight[j] * r[j] / mass
             visible_out[l] += share * visible[j]
             for a in range(d):
                 m_out[l, a] += share * m[j, a]
-        for j in near[:size]:
+        for s in range(size):
+            j = near[s]
             share = weight[j] * r[j] / mass
             for a in range(d):
                 for b in range(d):
                     spread = (m[j, a] - m_out[l, a]) * (m[j, b] - m_out[l, b])
                     P_out[l, a, b] += share * (P[j, a, b] + spread)
-        r_out[l] = mass / total
     return leader, r_out, m_out, P_out, visible_out

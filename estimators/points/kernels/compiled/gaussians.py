@@ -6,9 +6,10 @@ import numpy as np
 from numba import njit
 
 from .....models.records import Array
+from .parts import falling, inner
 
 
-@njit(cache=True)
+@inner
 def _cholesky(A: Array, L: Array) -> None:
     """Lower Cholesky factor of A (d, d) into L; a matrix that is not positive gives NaN."""
     d = len(A)
@@ -23,19 +24,19 @@ def _cholesky(A: Array, L: Array) -> None:
                 L[r, c] = s / L[c, c]
 
 
-@njit(cache=True)
+@inner
 def _wrapped(v: float, period: float) -> float:
-    return v - period * np.round(v / period) if period > 0 else v
+    return v - period * np.rint(v / period) if period > 0 else v
 
 
 @njit(cache=True)
 def predict(m: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
     """Means (J, dx) and covariances (J, dx, dx) after x -> F x + noise; see the definition."""
     J, d = m.shape
-    m_out, P_out = np.zeros((J, d)), np.empty((J, d, d))
-    FP = np.empty((d, d))
+    m_out, P_out, FP = np.empty((J, d)), np.empty((J, d, d)), np.empty((d, d))
     for j in range(J):
         for r in range(d):
+            m_out[j, r] = 0.0
             for c in range(d):
                 m_out[j, r] += F[r, c] * m[j, c]
                 s = 0.0
@@ -57,7 +58,7 @@ def log_likelihood(z: Array, z_hat: Array, S: Array, period: Array, gate: float)
     n, d = z.shape
     J, k = len(z_hat), S.shape[1]
     out = np.empty((J, n))
-    L, e = np.zeros((d, d)), np.empty(d)
+    L, e = np.empty((d, d)), np.empty(d)
     half = 0.0
     for j in range(J):
         for i in range(n):
@@ -82,7 +83,7 @@ def gain(P: Array, C: Array, S: Array) -> tuple[Array, Array]:
     """Kalman gains and updated covariances; see the definition."""
     J, dx, dz = C.shape
     K, P_out = np.empty((J, dx, dz)), np.empty((J, dx, dx))
-    L, e = np.zeros((dz, dz)), np.empty((dx, dz))
+    L, e = np.empty((dz, dz)), np.empty((dx, dz))
     for j in range(J):
         _cholesky(S[j], L)
         for x in range(dx):
@@ -124,18 +125,19 @@ def merge(
 ) -> tuple[Array, Array, Array, Array]:
     """Merge what is close to the strongest, and so on; see the definition."""
     J, d = m.shape
-    L = np.zeros((J, d, d))
+    L = np.empty((J, d, d))
     for j in range(J):
         _cholesky(scale[j], L[j])
-    order = np.argsort(-w, kind="mergesort")
-    left = order.copy()
+    left = falling(w)
     count, G = J, 0
-    w_out, m_out, P_out = np.zeros(J), np.zeros((J, d)), np.zeros((J, d, d))
-    leader = np.empty(J, np.int64)
-    near, e = np.empty(J, np.int64), np.empty(d)
+    w_out, m_out, P_out = np.empty(J), np.empty((J, d)), np.empty((J, d, d))
+    leader, near, e = np.empty(J, np.int64), np.empty(J, np.int64), np.empty(d)
     while count:
-        l = left[0]
-        size = rest = 0
+        l, size, rest, total = left[0], 0, 0, 0.0
+        for r in range(d):
+            m_out[G, r] = 0.0
+            for c in range(d):
+                P_out[G, r, c] = 0.0
         for at in range(count):
             j = left[at]
             k = l if by_leader else j
@@ -151,20 +153,17 @@ def merge(
             if j == l or d2 <= threshold:
                 near[size] = j
                 size += 1
+                total += w[j]
+                for r in range(d):
+                    m_out[G, r] += w[j] * m[j, r]
             else:
                 left[rest] = j
                 rest += 1
-        count = rest
-        for at in range(size):
-            j = near[at]
-            w_out[G] += w[j]
-            for r in range(d):
-                m_out[G, r] += w[j] * m[j, r]
         for r in range(d):
-            m_out[G, r] /= w_out[G]
+            m_out[G, r] /= total
         for at in range(size):
             j = near[at]
-            q = w[j] / w_out[G]
+            q = w[j] / total
             for r in range(d):
                 v = m[j, r] - m_out[G, r]
                 for c in range(r + 1):
@@ -172,6 +171,6 @@ def merge(
         for r in range(d):
             for c in range(r):
                 P_out[G, c, r] = P_out[G, r, c]
-        leader[G] = l
+        leader[G], w_out[G], count = l, total, rest
         G += 1
     return w_out[:G], m_out[:G], P_out[:G], leader[:G]

@@ -2,38 +2,49 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
 from .....models.records import Array
 from .association import _root
 from .murty import k_best
+from .parts import falling, inner
 
 
-@njit(cache=True)
+@inner
 def members(group: Array, C: int) -> tuple[Array, Array]:
     """The indices (n,) by group, those of -1 left out; see the definition."""
-    start = np.zeros(C + 1, np.int64)
-    for i in range(len(group)):
-        if group[i] >= 0:
-            start[group[i] + 1] += 1
+    start = np.empty(C + 1, np.int64)
+    for c in range(C + 1):
+        start[c] = 0
+    for c in group:
+        if c >= 0:
+            start[c + 1] += 1
     for c in range(C):
         start[c + 1] += start[c]
-    place, order = start.copy(), np.empty(start[C], np.int64)
+    order = np.empty(start[C], np.int64)
     for i in range(len(group)):
         if group[i] >= 0:
-            order[place[group[i]]] = i
-            place[group[i]] += 1
+            order[start[group[i]]] = i
+            start[group[i]] += 1
+    # Each now stands where the next begins.
+    for c in range(C, 0, -1):
+        start[c] = start[c - 1]
+    start[0] = 0
     return order, start
 
 
 @njit(cache=True)
 def together(group: Array, detection: Array, C: int, n: int) -> tuple[Array, Array]:
     """Which groups become one, and whose detections are; see the definition."""
-    above = np.arange(C + n)
+    above, number = np.empty(C + n, np.int64), np.empty(C + n, np.int64)
+    for i in range(C + n):
+        above[i], number[i] = i, -1
     for p in range(len(group)):
         above[_root(above, C + detection[p])] = _root(above, group[p])
-    number, into, of = np.full(C + n, -1), np.empty(C, np.int64), np.empty(n, np.int64)
+    into, of = np.empty(C, np.int64), np.empty(n, np.int64)
     count = 0
     for c in range(C):
         root = _root(above, c)
@@ -46,86 +57,79 @@ def together(group: Array, detection: Array, C: int, n: int) -> tuple[Array, Arr
     return into, of
 
 
+@njit(inline="always")
+def _count(w: Array, c: int) -> int:
+    """Number of hypotheses of a group, of w (K, C)."""
+    n = 0
+    while n < len(w) and w[n, c] > 0:
+        n += 1
+    return n
+
+
 @njit(cache=True)
 def join(w: Array, into: Array, k: int, gap: float) -> tuple[Array, Array, Array]:
     """The hypotheses of groups that become one; see the definition."""
     K, C = w.shape
-    count = np.zeros(C, np.int64)
-    for c in range(C):
-        while count[c] < K and w[count[c], c] > 0:
-            count[c] += 1
-    new = 0
-    for c in range(C):
-        new = max(new, into[c] + 1)
+    new: Any = np.int64(0)
+    for c in into:
+        new = max(new, c + 1)
     order, start = members(into, new)
     most = max(k, K)
-    row, w_new, size = np.full((most, C), -1), np.zeros((most, new)), 1
-    share = np.zeros(new)
+    row, before = np.empty((most, C), np.int64), np.empty((most, C), np.int64)
+    w_new, share, weight = np.empty((most, new)), np.empty(new), np.empty(most)
+    for i in range(most):
+        for c in range(C):
+            row[i, c] = -1
+    size = 1
     for c in range(new):
-        some = order[start[c] : start[c + 1]]
-        n = count[some[0]]
-        weight = w[:n, some[0]].copy()
-        row[:n, some[0]] = np.arange(n)
-        for at in range(1, len(some)):
-            g = some[at]
-            u = count[g]
+        first = order[start[c]]
+        n = _count(w, first)
+        for i in range(n):
+            weight[i], row[i, first] = w[i, first], i
+        for at in range(start[c] + 1, start[c + 1]):
+            g = order[at]
+            u = _count(w, g)
             product = np.empty(n * u)
             for i in range(n):
                 for j in range(u):
                     product[i * u + j] = weight[i] * w[j, g]
-            best = np.argsort(-product, kind="mergesort")[: max(k, u, n)]
+            best = falling(product)
             least, kept = product[best[0]] * np.exp(-gap), 0
-            while kept < len(best) and product[best[kept]] >= least:
+            while kept < min(n * u, max(k, u, n)) and product[best[kept]] >= least:
                 kept += 1
-            before = row[:n].copy()
-            weight = product[best[:kept]]
+            for b in range(start[c], at):
+                for i in range(n):
+                    before[i, order[b]], row[i, order[b]] = row[i, order[b]], -1
+                for i in range(kept):
+                    row[i, order[b]] = before[best[i] // u, order[b]]
             for i in range(kept):
-                for b in range(at):
-                    row[i, some[b]] = before[best[i] // u, some[b]]
-                row[i, g] = best[i] % u
-            for i in range(kept, n):
-                for b in range(at):
-                    row[i, some[b]] = -1
+                weight[i], row[i, g] = product[best[i]], best[i] % u
             n = kept
+        share[c] = 0.0
         for i in range(n):
             share[c] += weight[i]
-        for i in range(n):
-            w_new[i, c] = weight[i] / share[c]
+        for i in range(most):
+            w_new[i, c] = weight[i] / share[c] if i < n else 0.0
         size = max(size, n)
     return row[:size], w_new[:size], share
 
 
-@njit(cache=True)
+@njit(inline="always")
 def _k_best_of_one(costs: Array, k: int, gap: float) -> tuple[Array, Array, Array]:
     """:func:`k_best` where there is one row, which may have any column."""
     G, _, m = costs.shape
-    flat = np.empty(G * m)
-    for g in range(G):
-        flat[g * m : (g + 1) * m] = costs[g, 0]
-    order, size = np.argsort(flat, kind="mergesort"), 0
-    while size < min(k, G * m) and flat[order[size]] <= flat[order[0]] + gap:
-        if flat[order[size]] == np.inf:
+    gain = np.empty(G * m)
+    for i in range(G * m):
+        gain[i] = -costs[i // m, 0, i % m]
+    order, size = falling(gain), 0
+    while size < min(k, G * m) and -gain[order[size]] <= gap - gain[order[0]]:
+        if gain[order[size]] == -np.inf:
             break
         size += 1
     row, column, cost = np.empty(size, np.int64), np.empty((size, 1), np.int64), np.empty(size)
     for s in range(size):
-        row[s], column[s, 0], cost[s] = order[s] // m, order[s] % m, flat[order[s]]
+        row[s], column[s, 0], cost[s] = order[s] // m, order[s] % m, -gain[order[s]]
     return row, column, cost
-
-
-@njit(cache=True)
-def taken(values: Array, row: Array, column: Array, none: int) -> Array:
-    """Entries (G', n) of values (G, n), of the ``row`` (G', C) that goes for each ``column`` (n,).
-
-    It is ``none`` where there is no row: -1.
-    """
-    out = np.full((len(row), len(column)), none)
-    for g in range(len(row)):
-        for j in range(len(column)):
-            from_ = row[g, column[j]]
-            if from_ >= 0:
-                out[g, j] = values[from_, j]
-    return out
 
 
 @njit(cache=True)
@@ -135,121 +139,127 @@ def best(
     """The ``k`` best associations of each group; see the definition."""
     K, C = w.shape
     T, most = len(group), max(k, K)
-    cost_out, row_out = np.full((most, C), np.inf), np.full((most, C), -1)
-    detection_out, size = np.full((most, T), -1), 1
+    cost_out, row_out = np.empty((most, C)), np.empty((most, C), np.int64)
+    detection_out, size = np.empty((most, T), np.int64), 1
+    for s in range(most):
+        for c in range(C):
+            cost_out[s, c], row_out[s, c] = np.inf, -1
+        for t in range(T):
+            detection_out[s, t] = -1
     tracks, first = members(group, C)
     seen, begin = members(of, C)
+    active = np.empty(T, np.int64)
     for c in range(C):
-        here, those = tracks[first[c] : first[c + 1]], seen[begin[c] : begin[c + 1]]
-        n, G = len(those), 0
-        while G < K and w[G, c] > 0:
-            G += 1
-        before, is_active = np.empty(G), np.zeros(len(here), np.bool_)
+        those, n, G, m = begin[c], begin[c + 1] - begin[c], _count(w, c), 0
+        before = np.empty(G)
         for g in range(G):
             before[g] = np.log(w[g, c])
-            for a in range(len(here)):
-                l = table[g, here[a]]
+        for a in range(first[c], first[c + 1]):
+            is_active = False
+            for g in range(G):
+                l = table[g, tracks[a]]
                 before[g] += miss[l]
-                for i in those:
-                    if gain[l, i] > -np.inf:
-                        is_active[a] = True
-                        break
-        active = here[is_active]
-        m = len(active)
+                for i in range(n):
+                    is_active = is_active or gain[l, seen[those + i]] > -np.inf
+            if is_active:
+                active[m] = tracks[a]
+                m += 1
         if m == 0:
-            order = np.argsort(-before, kind="mergesort")
+            order = falling(before)
             for s in range(G):
                 cost_out[s, c], row_out[s, c] = -before[order[s]], order[s]
             size = max(size, G)
             continue
-        costs = np.full((G, m, n + m), np.inf)
+        costs = np.empty((G, m, n + m))
         for g in range(G):
             for a in range(m):
                 l = table[g, active[a]]
                 shift = before[g] if a == 0 else 0.0
                 for i in range(n):
-                    costs[g, a, i] = -gain[l, those[i]] - shift
-                costs[g, a, n + a] = -shift
+                    costs[g, a, i] = -gain[l, seen[those + i]] - shift
+                for i in range(m):
+                    costs[g, a, n + i] = -shift if i == a else np.inf
         row, column, cost = _k_best_of_one(costs, k, gap) if m == 1 else k_best(costs, k, gap)
         for s in range(len(cost)):
             cost_out[s, c], row_out[s, c] = cost[s], row[s]
             for a in range(m):
                 if column[s, a] < n:
-                    detection_out[s, active[a]] = those[column[s, a]]
+                    detection_out[s, active[a]] = seen[those + column[s, a]]
         size = max(size, len(cost))
     return cost_out[:size], row_out[:size], detection_out[:size]
 
 
-@njit(cache=True)
+@njit(inline="always")
 def _variation(
-    w: Array, a: Array, b: Array, p: Array, q: Array, joint: Array, A: int, B: int
+    w: Array, c: int, choice: Array, p: Array, t: int, u: int, joint: Array, A: int, B: int
 ) -> float:
-    """Total variation of the law of two tracks from the product of that of each."""
-    joint[:A, :B] = 0.0
-    for g in range(len(w)):
-        joint[a[g], b[g]] += w[g] * p[g] * q[g]
-        joint[a[g], 0] += w[g] * p[g] * (1 - q[g])
-        joint[0, b[g]] += w[g] * (1 - p[g]) * q[g]
-        joint[0, 0] += w[g] * (1 - p[g]) * (1 - q[g])
+    """Total variation of the law of tracks t and u of group c from the product of that of each.
+
+    Of A and B laws of either, each hypothesis has a ``choice`` (T, K), which exists with p (T, K).
+    ``joint`` is room for those of both, and for the sums along both.
+    """
+    for i in range(A + 1):
+        for j in range(B + 1):
+            joint[i, j] = 0.0
+    for g in range(_count(w, c)):
+        a, b, q, r = choice[t, g], choice[u, g], p[t, g], p[u, g]
+        joint[a, b] += w[g, c] * q * r
+        joint[a, 0] += w[g, c] * q * (1 - r)
+        joint[0, b] += w[g, c] * (1 - q) * r
+        joint[0, 0] += w[g, c] * (1 - q) * (1 - r)
+    for i in range(A):
+        for j in range(B):
+            joint[i, B] += joint[i, j]
+            joint[A, j] += joint[i, j]
     total = 0.0
-    column = np.zeros(B)
     for i in range(A):
         for j in range(B):
-            column[j] += joint[i, j]
-    for i in range(A):
-        row = 0.0
-        for j in range(B):
-            row += joint[i, j]
-        for j in range(B):
-            total += abs(joint[i, j] - row * column[j])
+            total += abs(joint[i, j] - joint[i, B] * joint[A, j])
     return total / 2
 
 
 @njit(cache=True)
 def split(w: Array, table: Array, group: Array, r: Array, dependence: float) -> Array:
     """Groups (T,) in which all tracks depend on each other; see the definition."""
-    K, C = w.shape
+    (K, C), T = w.shape, len(group)
     order, start = members(group, C)
-    above = np.arange(len(group))
-    choice, existence = np.zeros((len(group), K), np.int64), np.zeros((len(group), K))
-    number, count = np.zeros(len(r), np.int64), np.ones(len(group), np.int64)
+    choice, existence = np.empty((T, K), np.int64), np.empty((T, K))
+    number, count = np.empty(len(r), np.int64), np.empty(T, np.int64)
+    for l in range(len(r)):
+        number[l] = 0
+    above, found, names = np.empty(T, np.int64), np.empty(T, np.int64), np.empty(T, np.int64)
+    for t in range(T):
+        above[t], found[t], count[t] = t, -1, 1
+    here = np.empty(T, np.int64)
     for c in range(C):
-        G = 0
-        while G < K and w[G, c] > 0:
-            G += 1
-        here = order[start[c] : start[c + 1]]
-        if len(here) == 1:
+        n, most, G = 0, 1, _count(w, c)
+        if start[c + 1] - start[c] == 1:
             continue
-        some = np.zeros(len(here), np.bool_)
-        for a in range(len(here)):
-            t = here[a]
+        for a in range(start[c], start[c + 1]):
+            t, some = order[a], False
             for g in range(G):
                 l = table[g, t]
-                some[a] = some[a] or l != table[0, t]
+                some = some or l != table[0, t]
+                choice[t, g], existence[t, g] = 0, 0.0
                 if l < 0:
                     continue
                 if number[l] == 0:
                     number[l] = count[t]
                     count[t] += 1
                 choice[t, g], existence[t, g] = number[l], r[l]
-        here, most = here[some], 1
-        for t in here:
-            most = max(most, count[t])
-        joint = np.empty((most, most))
-        for i in range(len(here)):
+            if some:
+                here[n] = t
+                n, most = n + 1, max(most, count[t])
+        joint = np.empty((most + 1, most + 1))
+        for i in range(n):
             for j in range(i):
                 t, u = here[i], here[j]
-                if _root(above, t) == _root(above, u):
-                    continue
-                law = _variation(
-                    w[:G, c], choice[t], choice[u], existence[t], existence[u], joint,
-                    count[t], count[u],
-                )  # fmt: skip
-                if law > dependence:
-                    above[_root(above, t)] = _root(above, u)
-    found, names = np.full(len(group), -1), np.empty(len(group), np.int64)
+                if _root(above, t) != _root(above, u):
+                    law = _variation(w, c, choice, existence, t, u, joint, count[t], count[u])
+                    if law > dependence:
+                        above[_root(above, t)] = _root(above, u)
     new = 0
-    for t in range(len(group)):
+    for t in range(T):
         root = _root(above, t)
         if found[root] < 0:
             found[root] = new
@@ -263,22 +273,23 @@ def distinct(w: Array, table: Array, group: Array) -> tuple[Array, Array]:
     """The distinct hypotheses of each group by falling weight; see the definition."""
     K, C = w.shape
     order, start = members(group, C)
-    row_out, w_out, size = np.full((K, C), -1), np.zeros((K, C)), 1
-    key, one, total = np.empty(K, np.uint64), np.empty(K, np.int64), np.empty(K)
+    row_out, w_out, size = np.empty((K, C), np.int64), np.empty((K, C)), 1
+    key, one, total = np.empty(K, np.int64), np.empty(K, np.int64), np.empty(K)
     for c in range(C):
-        here, kept = order[start[c] : start[c + 1]], 0
+        kept = 0
         for g in range(K):
+            row_out[g, c], w_out[g, c], total[g] = -1, 0.0, -1.0
             if w[g, c] <= 0:
                 continue
-            code = np.uint64(1469598103934665603)
-            for t in here:
-                code = (code ^ np.uint64(table[g, t] + 1)) * np.uint64(1099511628211)
+            code = 1469598103934665603
+            for a in range(start[c], start[c + 1]):
+                code = (code ^ (table[g, order[a]] + 1)) * 1099511628211
             same = -1
             for s in range(kept):
                 if key[s] == code:
                     equal = True
-                    for t in here:
-                        equal = equal and table[one[s], t] == table[g, t]
+                    for a in range(start[c], start[c + 1]):
+                        equal = equal and table[one[s], order[a]] == table[g, order[a]]
                     if equal:
                         same = s
                         break
@@ -289,7 +300,7 @@ def distinct(w: Array, table: Array, group: Array) -> tuple[Array, Array]:
                 total[same] += w[g, c]
                 if w[g, c] > w[one[same], c]:
                     one[same] = g
-        best = np.argsort(-total[:kept], kind="mergesort")
+        best = falling(total)
         for s in range(kept):
             row_out[s, c], w_out[s, c] = one[best[s]], total[best[s]]
         size = max(size, kept)

@@ -10,13 +10,16 @@ cannot enter the k best are given up on the way. M. L. Miller, H. S. Stone and I
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
 from .....models.records import Array
+from .parts import inner
 
 
-@njit(cache=True)
+@inner
 def _augment(
     C: Array, u: Array, v: Array, x: Array, y: Array, skip: Array, ban: Array, i: int, to: int,
     limit: float,
@@ -28,9 +31,9 @@ def _augment(
     what the path costs, infinity (and nothing changed) where that is above ``limit``.
     """
     n, m = C.shape
-    distance = np.full(m, np.inf)
-    source = np.full(m, n)
-    done = skip.copy()
+    distance, source, done = np.empty(m), np.empty(m, np.int64), np.empty(m, np.int64)
+    for j in range(m):
+        distance[j], source[j], done[j] = np.inf, n, skip[j]
     row, base, free = i, 0.0, -1
     while True:
         nearest = -1
@@ -49,7 +52,7 @@ def _augment(
                 nearest = j
         if nearest < 0 or not distance[nearest] <= limit or distance[nearest] == np.inf:
             return np.inf
-        done[nearest] = True
+        done[nearest] = 1
         base = distance[nearest]
         if nearest == to or (to < 0 and y[nearest] < 0):
             break
@@ -58,7 +61,7 @@ def _augment(
             row, free = n, nearest
             for j in range(m):
                 if y[j] < 0 and j != to and not done[j]:
-                    done[j], distance[j] = True, base
+                    done[j], distance[j] = 1, base
     for j in range(m):
         if done[j] and not skip[j] and distance[j] < base:
             v[j] -= base - distance[j]
@@ -67,8 +70,10 @@ def _augment(
     u[i] += base
     if free >= 0:
         shift = base - distance[free]
-        u -= shift
-        v += shift
+        for r in range(n):
+            u[r] -= shift
+        for j in range(m):
+            v[j] += shift
     j = nearest
     while True:
         row = source[j]
@@ -80,18 +85,18 @@ def _augment(
             return float(base)
 
 
-@njit(cache=True)
-def _total(C: Array, x: Array) -> float:
-    total = 0.0
+@inner
+def _keep(
+    order: Array, size: int, cost: Array, C: Array, x: Array, u: Array, v: Array, X: Array,
+    U: Array, V: Array,
+) -> int:  # fmt: skip
+    """Put a part into its place of ``order`` and its slot: which that is, or -1 for one too many.
+
+    Its columns x (n,) and prices u (n,), v (m,) go into rows of X, U, V.
+    """
+    k, value = len(order), 0.0
     for i in range(len(x)):
-        total += C[i, x[i]]
-    return total
-
-
-@njit(cache=True)
-def _insert(order: Array, size: int, cost: Array, value: float) -> int:
-    """Put a part of this cost into its place of ``order``: its slot, or -1 for one too many."""
-    k = len(order)
+        value += C[i, x[i]]
     if size == k and (k == 0 or value >= cost[order[k - 1]]):
         return -1
     slot = order[k - 1] if size == k else size
@@ -100,20 +105,11 @@ def _insert(order: Array, size: int, cost: Array, value: float) -> int:
         order[at] = order[at - 1]
         at -= 1
     order[at], cost[slot] = slot, value
+    for i in range(len(x)):
+        X[slot, i], U[slot, i] = x[i], u[i]
+    for j in range(len(v)):
+        V[slot, j] = v[j]
     return int(slot)
-
-
-@njit(cache=True)
-def _solve(C: Array) -> tuple[Array, Array, Array, bool]:
-    """Columns x (n,) and prices u (n,), v (m,) of the best assignment, and whether there is one."""
-    n, m = C.shape
-    u, v = np.zeros(n), np.zeros(m)
-    x, y = np.full(n, -1), np.full(m, -1)
-    none = np.zeros(m, np.bool_)
-    for i in range(n):
-        if _augment(C, u, v, x, y, none, none, i, -1, np.inf) == np.inf:
-            return x, u, v, False
-    return x, u, v, True
 
 
 @njit(cache=True)
@@ -122,47 +118,70 @@ def k_best(costs: Array, k: int, gap: float = np.inf) -> tuple[Array, Array, Arr
     G, n, m = costs.shape
     # Parts stand in slots, at most k; `order` lists the slots by increasing cost.
     X, U, V = np.empty((k, n), np.int64), np.empty((k, n)), np.empty((k, m))
-    problem, start = np.zeros(k, np.int64), np.zeros(k, np.int64)
-    ban, cost = np.zeros((k, m), np.bool_), np.zeros(k)
-    order, size, found = np.zeros(k, np.int64), 0, 0
-    no_ban = np.zeros(m, np.bool_)
-    choices = np.zeros((G, n), np.int64)
+    problem, start, order = np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
+    ban, cost = np.empty((k, m), np.int64), np.empty(k)
+    x, y, u, v = np.empty(n, np.int64), np.empty(m, np.int64), np.empty(n), np.empty(m)
+    skip, taboo = np.empty(m, np.int64), np.empty(m, np.int64)
+    # As constants, which have types of their own, they would be compiled for once more.
+    size: Any = np.int64(0)
+    free: Any = np.int64(-1)
+    found = 0
     for g in range(G):
+        for j in range(m):
+            v[j], y[j], skip[j] = 0.0, -1, 0
+        best = 0.0
         for i in range(n):
-            for j in range(m):
-                choices[g, i] += costs[g, i, j] < np.inf
-        x, u, v, feasible = _solve(costs[g])
-        slot = _insert(order, size, cost, _total(costs[g], x)) if feasible else -1
+            x[i], u[i] = -1, 0.0
+        for i in range(n):
+            best = _augment(costs[g], u, v, x, y, skip, skip, i, free, np.inf)
+            if best == np.inf:
+                break
+        slot = -1 if best == np.inf else _keep(order, size, cost, costs[g], x, u, v, X, U, V)
         if slot >= 0:
             size = min(size + 1, k)
-            problem[slot], start[slot], ban[slot] = g, 0, no_ban
-            X[slot], U[slot], V[slot] = x, u, v
+            problem[slot], start[slot] = g, 0
+            for j in range(m):
+                ban[slot, j] = 0
     while found < size and cost[order[found]] <= cost[order[0]] + gap:
         parent = order[found]
         found += 1
         if found == k:
             break
         g, first = problem[parent], start[parent]
-        C, skip = costs[g], np.zeros(m, np.bool_)
-        skip[X[parent, :first]] = True
+        for j in range(m):
+            skip[j] = 0
+        for i in range(first):
+            skip[X[parent, i]] = 1
         for i in range(first, n):
-            column = X[parent, i]
-            if choices[g, i] == 1:
-                skip[column] = True
+            column, choices = X[parent, i], 0
+            for j in range(m):
+                choices += costs[g, i, j] < np.inf
+            if choices == 1:
+                skip[column] = 1
                 continue
             worst = cost[order[0]] + gap
             if size == k:
                 worst = min(worst, cost[order[k - 1]])
-            x, u, v, y = X[parent].copy(), U[parent].copy(), V[parent].copy(), np.full(m, -1)
-            y[x] = np.arange(n)
-            taboo = ban[parent].copy() if i == first else no_ban.copy()
-            taboo[column], y[column] = True, -1
-            if _augment(C, u, v, x, y, skip, taboo, i, column, worst - cost[parent]) < np.inf:
-                slot = _insert(order, size, cost, _total(C, x))
+            for j in range(m):
+                v[j], y[j], taboo[j] = V[parent, j], -1, ban[parent, j] if i == first else 0
+            for r in range(n):
+                x[r], u[r] = X[parent, r], U[parent, r]
+                y[x[r]] = r
+            taboo[column], y[column] = 1, -1
+            limit = worst - cost[parent]
+            if _augment(costs[g], u, v, x, y, skip, taboo, i, column, limit) < np.inf:
+                slot = _keep(order, size, cost, costs[g], x, u, v, X, U, V)
                 if slot >= 0:
                     size = min(size + 1, k)
-                    problem[slot], start[slot], ban[slot] = g, i, taboo
-                    X[slot], U[slot], V[slot] = x, u, v
-            skip[column] = True
-    kept = order[:found]
-    return problem[kept], X[kept], cost[kept]
+                    problem[slot], start[slot] = g, i
+                    for j in range(m):
+                        ban[slot, j] = taboo[j]
+            skip[column] = 1
+    row, price = np.empty(found, np.int64), np.empty(found)
+    columns = np.empty((found, n), np.int64)
+    for s in range(found):
+        slot = order[s]
+        row[s], price[s] = problem[slot], cost[slot]
+        for i in range(n):
+            columns[s, i] = X[slot, i]
+    return row, columns, price

@@ -17,7 +17,7 @@ def log_likelihood(
     """Log densities (k,) of pairs, -inf outside the gate; see the definition."""
     k, d = len(target), z.shape[1]
     out = np.empty(k)
-    L, e = np.zeros((d, d)), np.empty(d)
+    L, e = np.empty((d, d)), np.empty(d)
     half = 0.0
     for p in range(k):
         t, i = target[p], detection[p]
@@ -41,7 +41,13 @@ def log_likelihood(
 def matched(group: Array, w: Array, m: Array, P: Array, G: int) -> tuple[Array, Array, Array]:
     """Weights, means and covariances that match those of G mixtures; see the definition."""
     k, d = m.shape
-    total, mean, spread = np.zeros(G), np.zeros((G, d)), np.zeros((G, d, d))
+    total, mean, spread = np.empty(G), np.empty((G, d)), np.empty((G, d, d))
+    for g in range(G):
+        total[g] = 0.0
+        for r in range(d):
+            mean[g, r] = 0.0
+            for c in range(d):
+                spread[g, r, c] = 0.0
     for i in range(k):
         total[group[i]] += w[i]
     for i in range(k):

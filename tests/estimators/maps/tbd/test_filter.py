@@ -1,14 +1,17 @@
 """Targets seen in simulated maps, from all sides and in odd recordings."""
 
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 import pytest
+from support.straight import straight
 
 import echoset
 from echoset.campaign.scenarios import find
 from echoset.estimators.maps.tbd import filter as tbd
 from echoset.estimators.maps.tbd.scene import Layout, View
+from echoset.estimators.maps.tbd.targets import Targets, predict, update
 from echoset.models.checks import check_objects, check_steps
 from echoset.models.errors import InputError
 from echoset.models.parameters import resolve
@@ -52,6 +55,37 @@ def test_kernels_are_given_whole_targets(recording, monkeypatch):
     monkeypatch.setattr(View, "fit", fit)
     next(tbd.estimate(recording.setup(), recording.scans(), tbd.Params(), None))
     assert lengths == {7}
+
+
+def test_a_vehicle_held_by_one_end_finds_the_other():
+    """One 6.6 m long that is taken, and surely, for one of 4.7 m at its front; within 50 scans."""
+    place, size = np.array([2.0, 1.0]), np.log(6.6 / 4.5)
+    body = {"vehicle_length": 6.6, "vehicle_width": 1.8 * np.exp(size)}
+    recording = straight([1], [place], [0.3], [0.0], 1, scans=50, **body)
+    params = tbd.Params()
+    layout = Layout.of(recording.setup(), list(recording.streams), params)
+    x, y = place + 0.93 * np.array([np.cos(0.3), np.sin(0.3)])
+    P = np.diag([0.02, 0.02, 0.1, 0.1, 0.01, 0.1, 0.01])[None] ** 2
+    sure, one = np.array([10.0]), np.array([1])
+    m = np.array([[x, y, 0.0, 0.0, 0.3, 0.0, 0.05]])
+    held = Targets(m, P, one, sure, sure, np.array([0]), np.array([40]))
+    for _, scans in groupby(recording.scans(), key=lambda scan: scan.time_ns):
+        view = View.of(layout, list(scans), recording.setup())
+        view = view.shown(held.kind, held.vectors)
+        held = predict(held, params, 0.05)
+        held, _ = update(held, view, view.mean(held.kind, held.vectors), params)
+    assert np.hypot(*(held.m[0, :2] - place)) < 0.2
+    assert abs(held.m[0, 6] - size) < 0.1
+
+
+def test_bodies_that_differ_widen_the_covariances_of_vehicles(recording):
+    """By their variance along both axes; nothing else changes."""
+    plain, wide = (run(recording, std_body=std)[-1].objects for std in (0.0, 0.08))
+    np.testing.assert_array_equal(wide.state, plain.state)
+    more = wide.covariance - plain.covariance
+    for kind, added in zip(plain.class_index.tolist(), more, strict=True):
+        np.testing.assert_allclose(added, np.diag([0.0064 * kind] * 2 + [0.0] * 2), atol=1e-15)
+    assert 0 < plain.class_index.sum() < len(plain.class_index)
 
 
 def test_all_are_found_with_their_classes(recording):

@@ -54,9 +54,10 @@ def test_the_mean_is_that_of_simulated_maps(scene, view):
     found = np.zeros(mean.shape)
     square = np.zeros(mean.shape)
     state = np.hstack((slow[:, :2], np.zeros((2, 2))))
+    targets = jsc.Targets(KINDS, state, slow[:, 2], np.ones((2, 2)))
     for _ in range(n):
         for q, pose in enumerate(scene.poses):
-            e = jsc.echoes(scene, KINDS, state, slow[:, 2], pose[:3], pose[3], rng)
+            e = jsc.echoes(scene, targets, pose[:3], pose[3], rng)
             user = rng.uniform(-scene.aperture, scene.aperture)
             D = spectral.range_angle_map(scene, e, user, True, rng)
             found[q] += D / n
