@@ -22,6 +22,7 @@ from .kernels.bernoulli import (
     Mixture,
     add_tracks,
     associate,
+    matched,
     merge,
     missed,
     nothing,
@@ -262,6 +263,8 @@ def update(
     first = first[found.detection[best[first]] >= 0]
     start[first] = local.m[best[first]]
     mixture = replace(found.mixture, local=local, start=start)
+    if found.over:
+        mixture = matched(mixture, found.loose)
     state = replace(state, mixture=mixture, undetected=undetected)
     if found.over:
         over = state.cut.get("max_hypotheses", 0.0) + found.over
