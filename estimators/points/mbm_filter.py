@@ -238,8 +238,8 @@ def update(
     EstimatorError : no hypothesis is possible
     """
     a = state.mixture.local
-    sight = Sight.of(a, seen, params.gate, own)
-    log_hit, p = sight.together()
+    sight = Sight.of(a.m, a.P, a.modes, seen, params.gate, own)
+    log_hit, p = sight.log_hit(a.visible), sight.mean(sight.border.p)
     undetected, (new, m_new, P_new) = _first_detections(state.undetected, seen, params, own, even)
     free = np.maximum(seen.clutter + new, TINY)
     found = associate(
@@ -254,8 +254,9 @@ def update(
     # (1), and (2) for who is detected.
     hit = np.flatnonzero(found.detection >= 0)
     i, l = found.detection[hit], found.prior[hit]
-    local = missed(sight.missed(), p).take(found.prior)
-    sight.detect(local, hit, l, i)
+    m, P, modes = sight.missed(a.visible, np.ones(len(a)))
+    local = missed(replace(a, m=m, P=P, modes=modes), p).take(found.prior)
+    local.put(hit, *sight.detected(l, i))
     local.r[hit] = local.visible[hit] = 1.0
     local.unseen[hit] = 0.0
     start, best = state.mixture.start.copy(), found.mixture.table[0]

@@ -67,6 +67,12 @@ class Bernoullis:
             modes = self.modes.join(other.modes)
         return Bernoullis(**columns, modes=modes)
 
+    def put(self, at: Array, m: Array, P: Array, modes: Modes | None) -> None:
+        """Give those ``at`` (k,) other densities."""
+        self.m[at], self.P[at] = m, P
+        if self.modes is not None and modes is not None:
+            self.modes.w[at], self.modes.m[at], self.modes.P[at] = modes.w, modes.m, modes.P
+
 
 def newborn(r: Array, m: Array, P: Array, mode: Array = ONE) -> Bernoullis:
     """Visible Bernoullis without a past, in modes of the probabilities ``mode`` (M,)."""
