@@ -402,25 +402,28 @@ def _parted(x: Mixture, dependence: float) -> Mixture:
 def matched(mixture: Mixture, loose: Array) -> Mixture:
     """The mixture in which each track of ``loose`` (T,) is one Bernoulli, which has its marginals.
 
-    They are in groups of their own, whose other hypotheses are gone.
+    They are in groups of their own, whose other hypotheses are gone but for that of the weightiest
+    Bernoulli, as which the track goes on.
     """
     track = np.flatnonzero(loose)
-    table, w = mixture.table.copy(), mixture.w.copy()
-    g, t = np.nonzero(table[:, track] >= 0)
-    index, weight = table[g, track[t]], w[g, mixture.group[track[t]]]
-    used, at = np.unique(index, return_inverse=True)
-    a, of = mixture.local.take(used), np.zeros(len(used), np.int64)
-    of[at] = t
-    omega = np.bincount(at, weight, len(used))
+    g, t = np.nonzero(mixture.table[:, track] >= 0)
+    group = mixture.group[track[t]]
+    used, row, at = np.unique(mixture.table[g, track[t]], return_index=True, return_inverse=True)
+    a, of = mixture.local.take(used), t[row]
+    omega = np.bincount(at, mixture.w[g, group], len(used))
     leader, r, m, P, visible = compiled.group(of, omega, a.r, a.m, a.P, a.visible, np.inf, np.inf)
-    first = np.flatnonzero(leader == np.arange(len(used)))
     modes = None if a.modes is None else a.modes.merged(leader, omega * a.r)
+    first = np.flatnonzero(leader == np.arange(len(used)))
     r[first] *= np.bincount(of, omega, len(track))[of[first]]
     one = replace(a, r=r, m=m, P=P, visible=visible, modes=modes).take(first)
+    table, w, parent = mixture.table.copy(), mixture.w.copy(), mixture.parent.copy()
     table[:, track] = -1
     table[0, track[of[first]]] = len(mixture.local) + np.arange(len(first))
     w[:, mixture.group[track]] = np.arange(len(w))[:, None] == 0
-    return replace(mixture, local=mixture.local.join(one), table=table, w=w)
+    kept = np.zeros(w.shape[1], np.int64)
+    kept[group[row[first]]] = g[row[first]]
+    parent[0] = parent[kept[mixture.heir], np.arange(len(mixture.heir))]
+    return replace(mixture, local=mixture.local.join(one), table=table, w=w, parent=parent)
 
 
 def merge(mixture: Mixture, distance: float, existence: float) -> Mixture:
