@@ -52,7 +52,8 @@ class Command(click.Command):
 @click.option(
     "--smooth",
     metavar="[LAG]",
-    help="Estimate each time from the whole recording, or from up to LAG later, such as 5s.",
+    help="Estimate each time from the whole recording, or from up to LAG later, such as 5s; "
+    "--smooth=search seeks better trajectories than the filter's (mbm).",
 )
 @click.option("--keep", is_flag=True, help="Keep the mixture, particles or samples of every step.")
 @click.option(

@@ -52,4 +52,4 @@ def estimate(
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     EstimatorError : no hypothesis is possible
     """
-    return joined.estimated(run, setup, scans, params)
+    return joined.estimated(partial(run, rng=rng), setup, scans, params)

@@ -42,6 +42,10 @@ ESTIMATORS: Mapping[str, tuple[str, Settings]] = {
     "`pmb`": ("pmb", {}),
     "`pmb --smooth`": ("pmb", WHOLE),
 }
+CLOSE = {
+    **{name: one for name, one in ESTIMATORS.items() if name != "`phd`"},
+    "`mbm --smooth=search`": ("mbm", POISSON | {"smooth": "search"}),
+}
 MANOEUVRE = {"birth_std_velocity": [12.0, 12.0], "birth_rate": 0.05}
 TURN = {"motion": "imm", "manoeuvres": [[0.15, 0.1], [-0.15, 0.1], [0.0, 10.0]]}
 MODELS: Mapping[str, Settings] = {
@@ -105,12 +109,12 @@ def twelve(targets: int, clutter: int, runs: range) -> dict[str, list[float]]:
 
 def close(scenario: str, runs: range) -> dict[str, list[list[float]]]:
     """Distance and parts of every estimator but ``phd`` in every run of targets that meet."""
-    found: dict[str, list[list[float]]] = {n: [] for n in ESTIMATORS if n != "`phd`"}
+    found: dict[str, list[list[float]]] = {name: [] for name in CLOSE}
     metric, row = ("gospa", "gospa-rms") if scenario == "meeting" else ("t-gospa", "t-gospa")
     parts = ("", "localisation", "missed", "false", *(("switch",) if row == "t-gospa" else ()))
     for recording in recordings(scenario, runs):
         for name in found:
-            estimator, settings = ESTIMATORS[name]
+            estimator, settings = CLOSE[name]
             own = MEETING if scenario == "meeting" else SIX
             out, _ = estimated(recording, estimator, own | settings)
             mine = scores(out, recording, metric)

@@ -17,7 +17,7 @@ from math import inf
 from os import SEEK_END
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import IO, Any, Self, cast
+from typing import IO, Any, ClassVar, Self, cast
 
 from ...models.parameters import parameter, require
 from ...models.records import Estimates, Objects
@@ -26,6 +26,8 @@ SPILL = 256 << 20
 """Bytes of what has to be kept, from which on it goes to a temporary file."""
 BLOCK = 256
 """Records that go there together."""
+SEARCH = "search"
+"""What ``smooth`` says where trajectories are sought beyond those of the filter."""
 LAG = re.compile(r"(\d+(?:\.\d*)?|\.\d+)s")
 """A time to wait, as ``--smooth`` takes it."""
 
@@ -59,6 +61,7 @@ class SmoothParams:
     """How long estimates wait for what comes."""
 
     TITLE = "smoothing"
+    WAYS: ClassVar[tuple[str, ...]] = ("none", "whole")
 
     smooth: str = parameter(
         "none",
@@ -68,15 +71,16 @@ class SmoothParams:
     )
 
     def __post_init__(self) -> None:
-        ok = self.smooth in ("none", "whole") or LAG.fullmatch(self.smooth) is not None
-        require(ok, "smooth", "none, whole or a time such as 5s", self.smooth)
+        ok = self.smooth in self.WAYS or LAG.fullmatch(self.smooth) is not None
+        words = f"{', '.join(self.WAYS)} or a time such as 5s"
+        require(ok, "smooth", words, self.smooth)
 
     @property
     def wait(self) -> float | None:
         """Seconds that an estimate waits, infinity for the whole recording; None: filtered."""
         if self.smooth == "none":
             return None
-        return inf if self.smooth == "whole" else float(self.smooth.removesuffix("s"))
+        return inf if self.smooth in ("whole", SEARCH) else float(self.smooth.removesuffix("s"))
 
 
 class Stack:

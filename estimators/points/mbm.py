@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -21,7 +22,8 @@ import numpy as np
 from ...models.errors import InputError
 from ...models.geometry.regions import mass
 from ...models.records import Array, Estimates, Objects, Recording, Scan
-from ..kernels.passes import smoothed
+from ..kernels.passes import SEARCH, smoothed
+from . import trails
 from .backlog import Backlog
 from .context import Context
 from .cuts import WHAT
@@ -29,7 +31,7 @@ from .kernels.bernoulli import Bernoullis, Mixture, cardinality
 from .kernels.gaussians import falling
 from .kernels.paths import Paths, back
 from .kernels.smoothing import Epoch, ended, smooth
-from .mbm_filter import Params, State, init, predict, reduce, update
+from .mbm_filter import Params, State, first_detections, init, predict, reduce, update
 from .model.sensing import (
     UNKNOWN,
     Look,
@@ -42,7 +44,9 @@ from .model.sensing import (
 )
 from .model.targets import NAMES, UNITS, born
 from .modes import initial
+from .search import Sighting, searched
 from .times import observe, remember, through
+from .trails import Trail
 
 
 def followed(mixture: Mixture, params: Params) -> tuple[Array, Array]:
@@ -70,10 +74,16 @@ def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:
     return tracks, mixture.table[g, tracks]
 
 
-def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple[State, Epoch]:
+def step(
+    state: State,
+    scans: Iterable[Scan],
+    context: Context[Params],
+    sights: list[Sighting] | None = None,
+) -> tuple[State, Epoch]:
     """The state after the ``scans`` of one time, taken one after the other, and how it came there.
 
-    A source follows the targets that were extracted before.
+    A source follows the targets that were extracted before. What the looks show as first
+    detections goes to ``sights``.
 
     Raises
     ------
@@ -92,6 +102,9 @@ def step(state: State, scans: Iterable[Scan], context: Context[Params]) -> tuple
             cut["max_detections"] += len(seen.z) - params.max_detections
             seen = _likeliest(seen, state.mixture.local, own, params)
         even = _even(seen, [look for look, _ in moment.looks], state.backlog, params)
+        if sights is not None:
+            first = first_detections(state.undetected, seen, params, own, even)[1]
+            sights.append(Sighting(seen, own, *first))
         state, new = update(state, seen, params, own, even)
         state = reduce(state, params, max(len(seen.z), state.memory.crowd))
         state = replace(state, backlog=state.backlog.missed(seen))
@@ -118,12 +131,17 @@ def estimate(
     InputError : the noise of detections or the place of clutter is not known; scans out of order
     EstimatorError : no hypothesis is possible
     """
-    return run(Context.of(setup, params), scans)
+    return run(Context.of(setup, params), scans, rng)
 
 
-def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
-    """:func:`estimate` in a context of the caller's."""
+def run(
+    context: Context[Params], scans: Iterable[Scan], rng: np.random.Generator | None = None
+) -> Iterator[Estimates]:
+    """:func:`estimate` in a context of the caller's; a search alone draws from ``rng``."""
     wait = context.params.wait
+    if context.params.smooth == SEARCH:
+        assert rng is not None
+        return _searched(context, scans, rng)
     if wait == inf:
         return _whole(context, scans)
     return _lagging(context, scans, context.params.lag if wait is None else wait)
@@ -135,8 +153,7 @@ def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimate
     How far a target has travelled is known of its whole trajectory, before any of it is shown.
     """
     params, meta = context.params, context.setup.meta
-    end: dict[int, Array] = {}
-    farthest: dict[int, float] = {}
+    travelled = Travelled(params.min_travel)
     classes: dict[int, Array] = {}
 
     def forward() -> Iterator[tuple[Estimates, Epoch]]:
@@ -147,23 +164,72 @@ def _whole(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimate
             yield Estimates(meta, nobody, _counted(state, context)), epoch
 
     def backward(later: Paths | None, epoch: Epoch) -> tuple[Paths, Objects]:
-        x = back(later, epoch, params.retrodict)
+        x = back(later, epoch, params.retrodict, params.max_coast or inf)
         shown = x.r >= params.extract_smoothed
-        # What is straight on before the first detection is no way that was seen.
-        for i in np.flatnonzero(shown & (x.age >= 0)) if params.min_travel else ():
-            label, here = int(x.label[i]), x.m[i, :2]
-            way = float(np.hypot(*(here - end.setdefault(label, here))))
-            farthest[label] = max(way, farthest.get(label, 0.0))
+        # What is straight on before the first detection, or without any, is no way that was seen.
+        seen = shown & x.hit
+        travelled.see(x.label[seen], x.m[seen, :2])
         found = _listed(epoch.time_ns, x.label[shown], x.r[shown], x.m[shown], x.P[shown])
         return x, context.source.named(found, classes)
 
-    for estimates in smoothed(forward(), backward, inf):
+    yield from map(travelled.only, smoothed(forward(), backward, inf))
+
+
+def _searched(
+    context: Context[Params], scans: Iterable[Scan], rng: np.random.Generator
+) -> Iterator[Estimates]:
+    """All times at the end, by the likeliest trajectories that a search finds."""
+    params, meta = context.params, context.setup.meta
+    travelled = Travelled(params.min_travel)
+    classes: dict[int, Array] = {}
+    sights: list[Sighting] = []
+
+    def filtered() -> Iterator[tuple[dict[str, Array], Epoch, tuple[Sighting, ...]]]:
+        known = partial(step, sights=sights)
+        for state, epoch in through(context, scans, init(params.width, initial(params)), known):
+            classes.update(state.memory.classes)
+            yield _counted(state, context), epoch, tuple(sights)
+            sights.clear()
+
+    def forward() -> Iterator[tuple[Estimates, tuple[Trail, Array]]]:
+        for numbers, (x, hit) in searched(params, filtered(), rng):
+            none = np.zeros(0, np.int64)
+            nobody = _listed(x.time_ns, none, x.r[none], x.m[none], x.P[none])
+            yield Estimates(meta, nobody, numbers), (x, hit)
+
+    def backward(later: Trail | None, now: tuple[Trail, Array]) -> tuple[Trail, Objects]:
+        x = trails.back(later, now[0])
+        shown = x.r >= params.extract_smoothed
+        seen = shown & np.isin(x.label, now[1])
+        travelled.see(x.label[seen], x.m[seen, :2])
+        found = _listed(x.time_ns, x.label[shown], x.r[shown], x.m[shown], x.P[shown])
+        return x, context.source.named(found, classes)
+
+    yield from map(travelled.only, smoothed(forward(), backward, inf))
+
+
+class Travelled:
+    """How far targets have been from where they end, on a way back: ``least`` [m] counts."""
+
+    def __init__(self, least: float) -> None:
+        self._least = least
+        self._end: dict[int, Array] = {}
+        self._farthest: dict[int, float] = {}
+
+    def see(self, label: Array, where: Array) -> None:
+        """Targets with ``label`` (n,) are at ``where`` (n, 2)."""
+        for own, here in zip(label.tolist(), where, strict=True) if self._least else ():
+            way = float(np.hypot(*(here - self._end.setdefault(own, here))))
+            self._farthest[own] = max(way, self._farthest.get(own, 0.0))
+
+    def only(self, estimates: Estimates) -> Estimates:
+        """The estimates, of targets that have been far enough."""
+        if not self._least:
+            return estimates
         x = estimates.objects
-        if params.min_travel:
-            way = np.array([farthest.get(label, 0.0) for label in x.label.tolist()])
-            rows = np.flatnonzero(way >= params.min_travel)
-            estimates = replace(estimates, objects=x.take(rows, x.time_ns, np.array([len(rows)])))
-        yield estimates
+        way = np.array([self._farthest.get(label, 0.0) for label in x.label.tolist()])
+        rows = np.flatnonzero(way >= self._least)
+        return replace(estimates, objects=x.take(rows, x.time_ns, np.array([len(rows)])))
 
 
 def _lagging(context: Context[Params], scans: Iterable[Scan], lag: float) -> Iterator[Estimates]:
@@ -268,6 +334,8 @@ def _moved(
     tracks, index = extract(mixture, params)
     way = mixture.local.m[index] - mixture.start[tracks]
     way = np.where(np.isnan(way), 0.0, way)
+    # What is straight on without a detection is no way that was seen.
+    way[mixture.local.unseen[index] > 0] = 0.0
     far = np.hypot(way[:, 0], way[:, 1]) >= params.min_travel
     living = {label for epoch in epochs for label in epoch.mixture.label.tolist()}
     living |= set(mixture.label.tolist())

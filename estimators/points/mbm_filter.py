@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...models.parameters import parameter
+from ...models.parameters import parameter, require
 from ...models.records import Array
+from ..kernels.passes import SEARCH
 from .backlog import Backlog, BacklogParams
 from .context import FilterParams
 from .cuts import Cut
@@ -33,7 +34,7 @@ from .kernels.bernoulli import newborn as begun
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
 from .kernels.modes import Way
-from .kernels.poisson import first_detections
+from .kernels.poisson import first_detections as of_each
 from .model.edge import detection_probability, unseen
 from .model.sensing import Look, SensorParams, innovations, log_likelihood, updated
 from .model.sight import Sight
@@ -49,7 +50,15 @@ class Params(TrailParams, ModeParams, BacklogParams, FilterParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     TITLE = "mixture"
+    WAYS = ("none", "whole", SEARCH)
 
+    smooth: str = parameter(
+        "none",
+        "1",
+        "none: each estimate from what came until then; whole: from all of the recording; 5s: from "
+        "what came up to 5 s later; search: whole, by the likeliest trajectories that a search "
+        "finds from those of the filter on",
+    )
     poisson: bool = parameter(
         True,
         "1",
@@ -147,6 +156,8 @@ class Params(TrailParams, ModeParams, BacklogParams, FilterParams):
         FilterParams.__post_init__(self)
         ModeParams.__post_init__(self)
         TrailParams.__post_init__(self)
+        known = self.smooth != SEARCH or (self.poisson and self.motion != "imm")
+        require(known, "smooth", "search with poisson alone, and one motion", self.smooth)
 
     @property
     def dependence(self) -> float | None:
@@ -240,7 +251,7 @@ def update(
     a = state.mixture.local
     sight = Sight.of(a.m, a.P, a.modes, seen, params.gate, own)
     log_hit, p = sight.log_hit(a.visible), sight.mean(sight.border.p)
-    undetected, (new, m_new, P_new) = _first_detections(state.undetected, seen, params, own, even)
+    undetected, (new, m_new, P_new) = first_detections(state.undetected, seen, params, own, even)
     free = np.maximum(seen.clutter + new, TINY)
     found = associate(
         state.mixture,
@@ -315,7 +326,7 @@ def _moved(old: births.Components, params: Params, gone: Interval) -> births.Com
     return w[known], m[known], P[known]
 
 
-def _first_detections(
+def first_detections(
     undetected: births.Components, seen: Look, params: Params, own: SensorParams, even: Array
 ) -> tuple[births.Components, tuple[Array, Array, Array]]:
     """The undetected targets that stay so, and what the detections say if they are the first."""
@@ -335,4 +346,4 @@ def _first_detections(
     m_all[j, i], P_all[j, i] = updated(seen, m, P, z_hat, C, S, j, i)
     known = np.maximum(p[j], TINY)
     density[j, i] *= detection_probability(seen, m_all[j, i], P_all[j, i], own.fov_mass) / known
-    return (w * (1 - p), m_missed, P_missed), first_detections(density, m_all, P_all)
+    return (w * (1 - p), m_missed, P_missed), of_each(density, m_all, P_all)

@@ -9,6 +9,7 @@ is followed straight back.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -24,7 +25,8 @@ class Paths:
 
     They are those of the hypothesis ``row`` (C,) of each group. ``origin`` (n,) is the Bernoulli
     that each was after the scans before, -1 where it began later; ``age`` (n,) [s] is negative
-    before it began, else 0.
+    before it began, else 0. Those ``hit`` (n,) were detected then; those that are ``given_up`` (n,)
+    end with their last detection.
     """
 
     epoch: Epoch
@@ -35,12 +37,16 @@ class Paths:
     r: Array
     m: Array
     P: Array
+    hit: Array
+    given_up: Array
 
 
-def back(later: Paths | None, now: Epoch, retrodict: float) -> Paths:
+def back(later: Paths | None, now: Epoch, retrodict: float, max_coast: float = inf) -> Paths:
     """The paths at ``now`` given those ``later``, the next time.
 
-    Tracks that began at most ``retrodict`` [s] later are followed straight back.
+    Tracks that began at most ``retrodict`` [s] later are followed straight back. Of those that were
+    given up since they had not been detected for ``max_coast`` [s] nobody knows when they died: as
+    if after the last detection.
     """
     x = now.mixture
     row = np.zeros(x.w.shape[1], np.int64)
@@ -49,31 +55,45 @@ def back(later: Paths | None, now: Epoch, retrodict: float) -> Paths:
     carried = np.zeros(0, np.int64) if later is None else later.label
     new = (picked >= 0) & ~np.isin(x.label, carried)
     a = x.local.take(picked[new])
-    r = a.r if later is None else existed(a.r, np.zeros(len(a)), later.epoch.survive)
-    ends = x.label[new], a.origin, np.zeros(len(a)), r, a.m, a.P
+    given_up = np.zeros(len(a), bool)
+    r = a.r
+    if later is not None:
+        given_up = a.unseen + (later.epoch.time_ns - now.time_ns) / 1e9 > max_coast
+        given_up &= a.unseen > 0
+        r = np.where(given_up, 0.0, existed(a.r, np.zeros(len(a)), later.epoch.survive))
+    ends = x.label[new], a.origin, np.zeros(len(a)), r, a.m, a.P, a.unseen == 0, given_up
     if later is None:
         return Paths(now, row, *ends)
     both = zip(ends, _followed(later, now, retrodict), strict=True)
-    label, origin, age, r, m, P = (np.concatenate(pair) for pair in both)
-    return Paths(now, row, label, origin, age, r, m, P)
+    return Paths(now, row, *(np.concatenate(pair) for pair in both))
 
 
 def _before(later: Paths, x: Mixture) -> Array:
     """The hypotheses (C,) of the groups of ``x`` that have become those of ``later``.
 
-    Of those that the parts of a group have come of it is that of the part in which most is there
-    later, or if nothing is the likeliest then; and the same for all, so that what it excludes stays
-    excluded. It is the best of a group that nothing has come of.
+    Groups that met and parted have come of it in several parts: a group's is that of the part in
+    which most of its own tracks are there later, or if none is the likeliest then; and the same for
+    all, so that what it excludes stays excluded. It is the best of a group that nothing has come
+    of.
     """
     y, row = later.epoch.mixture, np.zeros(x.w.shape[1], np.int64)
-    here = np.isin(later.label, y.label)
-    order = np.argsort(y.label, kind="stable")
-    at = order[np.searchsorted(y.label, later.label[here], sorter=order)]
-    there = np.bincount(y.group[at], later.r[here], y.w.shape[1])[y.heir]
+    n = y.w.shape[1]
+    before, now = _groups(x, later.label), _groups(y, later.label)
+    both = (before >= 0) & (now >= 0)
+    size = n * len(row)
+    there = np.bincount(before[both] * n + now[both], later.r[both], size)[y.came * n + y.heir]
     part = y.parent[later.row[y.heir], np.arange(len(y.heir))]
     last = np.lexsort((part, -np.where(there > 0.5, there, 0.0)))[::-1]
     row[y.came[last]] = part[last]
     return row
+
+
+def _groups(x: Mixture, label: Array) -> Array:
+    """The groups (n,) of tracks with a ``label`` (n,), -1 for none."""
+    order = np.argsort(x.label, kind="stable")
+    at = np.append(order, -1)[np.searchsorted(x.label, label, sorter=order)]
+    known = np.append(x.label, -1)[at] == label
+    return np.where(known, np.append(x.group, -1)[at], -1)
 
 
 def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
@@ -88,7 +108,12 @@ def _followed(later: Paths, now: Epoch, retrodict: float) -> tuple[Array, ...]:
     here = np.flatnonzero(before >= 0)
     a = now.mixture.local.take(before[here])
     m_out[here], P_out[here] = later.epoch.back(now.mixture, before[here], m[here], P[here])
-    r[here] = existed(a.r, r[here], later.epoch.survive)
+    hit = np.zeros(len(kept), bool)
+    hit[here] = a.unseen == 0
+    given_up = later.given_up[kept]
+    given_up[here] &= ~hit[here]
+    r[here] = np.where(given_up[here], 0.0, existed(a.r, r[here], later.epoch.survive))
     origin = np.full(len(kept), -1)
     origin[here] = a.origin
-    return later.label[kept], origin, age, r, m_out, (P_out + P_out.swapaxes(1, 2)) / 2
+    P_out = (P_out + P_out.swapaxes(1, 2)) / 2
+    return later.label[kept], origin, age, r, m_out, P_out, hit, given_up

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from echoset.estimators.points import mbm
-from echoset.estimators.points.kernels import bernoulli
+from echoset.estimators.points.kernels import bernoulli, paths, smoothing
 from echoset.models.motion import constant_velocity, white_acceleration
 
 SIGMA, DENSITY = 1.0, 0.3
@@ -204,3 +204,65 @@ def test_every_hypothesis_knows_what_it_was_before(make_recording):
                 checked += len(some)
         before = now
     assert checked > 50
+
+
+@pytest.mark.parametrize("max_coast", [0.0, 3.5])
+def test_who_is_given_up_ends_with_the_last_detection(make_recording, monkeypatch, max_coast):
+    """Without a limit existence falls by what is missed, with it nobody knows when it ended."""
+    first_scan_only(monkeypatch)
+    rng = np.random.default_rng(3)
+    Z = [*(z[None] for z in path(rng, BIRTHS[0], 8)), *[np.zeros((0, 2))] * 8]
+    birth = ((0.001, *BIRTHS[0][1:]),)
+    found = run(
+        make_recording(Z), birth_components=birth, p_detect=0.1, p_survive=0.99,
+        clutter_rate=0.01, max_coast=max_coast, smooth="whole", poisson=True, extract_smoothed=0.5,
+    )  # fmt: skip
+    assert sum(len(one.objects.label) for one in found) == (8 if max_coast else 16)
+
+
+@pytest.mark.parametrize("smooth", ["none", "whole", "search"])
+def test_a_way_without_detections_is_none(make_recording, monkeypatch, smooth):
+    """A target is seen on 6 m and missed on 40 m."""
+    first_scan_only(monkeypatch)
+    Z = [np.array([[50.0 + 2.0 * k, 50.0]]) for k in range(4)] + [np.zeros((0, 2))] * 20
+    birth = ((0.01, 50.0, 50.0, 2.0, 0.0, 1.0, 1.0, 1.0, 1.0),)
+    shown = {}
+    for least in (3.0, 12.0):
+        params = mbm.Params(
+            **{**BASE, "birth_components": birth, "p_detect": 0.01, "clutter_rate": 0.01,
+               "p_survive": 0.999, "poisson": True, "min_travel": least, "smooth": smooth}
+        )  # fmt: skip
+        recording = make_recording(Z)
+        rng = np.random.default_rng(1)
+        steps = list(mbm.estimate(recording.setup(), recording.scans(), params, rng))
+        shown[least] = sum(len(one.objects.label) for one in steps)
+    assert shown[12.0] == 0 < shown[3.0]
+
+
+def test_groups_that_met_and_parted_keep_their_own_past():
+    """Label 3 or 24 is there, and 5 for sure; met and parted, 5 would have had 24 before."""
+
+    def epoch(time_ns, *mixture):
+        return smoothing.Epoch(time_ns, bernoulli.Mixture(*mixture), F, Q, 0.99)
+
+    def local(r, origin):
+        n = len(r)
+        moments = np.zeros((n, 4)), np.tile(np.eye(4), (n, 1, 1))
+        return bernoulli.Bernoullis(
+            np.array(r), *moments, np.ones(n), np.zeros(n), np.array(origin)
+        )
+
+    label, group, table = np.array([3, 5, 24]), np.array([0, 1, 0]), [[-1, 1, 2], [0, -1, -1]]
+    w, table = np.array([[0.52, 1.0], [0.48, 0.0]]), np.array(table)
+    start, every = np.zeros((3, 4)), np.arange(2)
+    first = epoch(0, local([0.99, 1.0, 0.9], [-1, -1, -1]), label, start, w, table, group,
+                  np.array([[0, 0], [1, 1]]), every, every)  # fmt: skip
+    # Groups 0 and 1 were one, of 3 with its own past and of 5 with the likelier one of the other.
+    parent = np.array([[1, 0, 0, 0], [0, 0, 1, 0]])
+    came, heir = np.array([0, 1, 0, 1]), np.array([0, 0, 1, 1])
+    table = np.array([[0, 1, -1], [-1, -1, 2]])
+    last = epoch(10**9, local([0.99, 1.0, 0.9], [0, 1, 2]), label, start, w, table, group, parent,
+                 came, heir)  # fmt: skip
+    end = paths.back(None, last, 0.0)
+    assert sorted(end.label.tolist()) == [3, 5]
+    assert sorted(paths.back(end, first, 0.0).label.tolist()) == [3, 5]
