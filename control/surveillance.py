@@ -15,6 +15,7 @@ import numpy as np
 
 from ..estimators.points import phd, phd_filter
 from ..estimators.points.context import Context
+from ..estimators.points.modes import initial
 from ..estimators.presets import preset
 from ..models.parameters import as_dict, parameter, require, resolve
 from ..models.records import Array, Meta, Recording, Stream, Truth
@@ -93,7 +94,8 @@ def loop(params: Params, world: scene.World) -> Iterator[Step]:
     """The steps of the closed loop in a world whose random numbers are drawn."""
     empty = _stream(params, np.zeros(0, np.int64), np.zeros(1, np.int64), [], {})
     setup = Recording(Meta("loop"), {"radar": params.sensor()}, {"radar": empty})
-    context, state = Context.of(setup, params.filter_params()), phd_filter.init()
+    context = Context.of(setup, params.filter_params())
+    state = phd_filter.init(context.params.width, initial(context.params))
     choose = load("echoset.policies", params.policy).choose
     mean = variance = np.zeros(len(params.regions))
     for k, time_ns in enumerate(world.objects.time_ns.tolist()):

@@ -14,7 +14,7 @@ import numpy as np
 from ...models.parameters import parameter
 from ...models.radar.detection import polar
 from ...models.records import Array
-from .model.sensing import Look
+from .model.sensing import Look, spread
 from .model.targets import appeared
 
 CELLS = 24
@@ -71,14 +71,29 @@ class Backlog:
         if not np.isfinite(view.range_max):
             miss = 1 - look.p_detect
             return replace(self, elsewhere=miss * self.elsewhere, cells=miss * self.cells)
-        covering = self._covering(look.position, view.range_max)
-        low, high = _span(look.position, view.range_max, covering.width)
-        axes = [(np.arange(a, b) + 0.5) * covering.width for a, b in zip(low, high, strict=True)]
-        centre = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+        covering, centre, part = self._around(look)
         seen = view.contains(*polar((centre - look.position) @ look.rotation))
         cells = covering.cells.copy()
-        cells[_part(low - covering.corner, seen.shape)] *= np.where(seen, 1 - look.p_detect, 1.0)
+        cells[part] *= np.where(seen, 1 - look.p_detect, 1.0)
         return replace(covering, cells=cells)
+
+    def mean(self, look: Look) -> float:
+        """What waits where a look's clutter may be, on average over that."""
+        if not np.isfinite(look.view.range_max):
+            return self.elsewhere
+        covering, centre, part = self._around(look)
+        density = spread(look, centre.reshape(-1, 2)).reshape(centre.shape[:2])
+        total = density.sum()
+        return float((density * covering.cells[part]).sum() / total) if total else self.elsewhere
+
+    def _around(self, look: Look) -> tuple[Backlog, Array, tuple[slice, ...]]:
+        """The same with cells for all that a look may see: their centres (nx, ny, 2) and place."""
+        reach = look.view.range_max
+        covering = self._covering(look.position, reach)
+        low, high = _span(look.position, reach, covering.width)
+        axes = [(np.arange(a, b) + 0.5) * covering.width for a, b in zip(low, high, strict=True)]
+        centre = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+        return covering, centre, _part(low - covering.corner, centre.shape[:2])
 
     def _covering(self, position: Array, reach: float) -> Backlog:
         """The same with cells for all within ``reach`` [m] of a position."""

@@ -15,8 +15,8 @@ from .model.targets import TargetParams, settled
 from .source import Nothing, Source
 from .streams import per_stream
 
-LEARNABLE = ("latency", "registration", "p_detect", "clutter_rate", "accuracy")
-"""What can be learnt of a sensor; accuracy is the noise of what it measures."""
+LEARNABLE = ("latency", "registration", "p_detect", "clutter_rate", "accuracy", "birth_rate")
+"""What can be learnt of a sensor, accuracy being the noise of what it measures; and of targets."""
 
 
 # Without slots: classes that have some cannot be composed.
@@ -29,8 +29,8 @@ class FilterParams(TargetParams, SensorParams):
     learn: tuple[str, ...] = parameter(
         (),
         "",
-        "what to learn of each sensor from the recording itself before it is estimated; latency "
-        "and registration are those against the first stream by name",
+        "what to learn of each sensor, and of targets birth_rate, from the recording itself before "
+        "it is estimated; latency and registration are those against the first stream by name",
         within=LEARNABLE,
     )
     learn_span: float = parameter(

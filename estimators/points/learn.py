@@ -1,10 +1,10 @@
 """What sensors are like, learnt from a recording without its truth, by the evidence of a filter.
 
 The evidence of a scan is the sum over its detections z of log(clutter(z) + first(z) + sum r p l(z))
-less the number of detections that clutter and known targets are expected to give: the predictive
-density of a Poisson process of that intensity, with targets as :mod:`.pmb` follows them. It is
-climbed coordinate by coordinate. Latencies and offsets are those against the first stream by name,
-which nothing but a truth tells from those of the whole.
+less the number of detections that clutter and targets, known or not, are expected to give: the
+predictive density of a Poisson process of that intensity, with targets as :mod:`.pmb` follows them.
+It is climbed coordinate by coordinate. Latencies and offsets are those against the first stream by
+name, which nothing but a truth tells from those of the whole.
 """
 
 from __future__ import annotations
@@ -41,13 +41,15 @@ OWN = (
     "std_azimuth",
 )
 """What a sensor model has of that."""
+TARGETS = ""
+"""The stream of which is what holds for targets."""
 _log = logging.getLogger(__name__)
 P = TypeVar("P", bound=FilterParams)
 
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
-    """A number of a stream's sensor model, climbed in ``first`` steps of ``up`` of it, and back."""
+    """A number of what is assumed of a stream or of targets, climbed in steps of ``up`` of it."""
 
     stream: str
     name: str
@@ -73,6 +75,8 @@ def coordinates(setup: Recording, params: FilterParams) -> list[Coordinate]:
     """All that is to be learnt of the streams of a recording."""
     names = sorted(name for name, s in setup.streams.items() if s.kind in STREAMS)
     found = []
+    if "birth_rate" in params.learn and params.birth != "components":
+        found.append(Coordinate(TARGETS, "birth_rate", None, 0.8, _log_of, exp))
     for name in names:
         polar, rows = setup.streams[name].kind == "range_bearing", setup.streams[name].rows
         own = per_stream(params, setup)[name]
@@ -114,12 +118,14 @@ class Climb:
         streams = [name for name, s in setup.streams.items() if s.kind in STREAMS]
         each = per_stream(params, setup)
         own = {s: {name: getattr(each[s], name) for name in OWN} for s in streams}
+        own[TARGETS] = {"birth_rate": params.birth_rate}
         found = Climb(setup, scans, params, own, 0.0)
         found.best = found.evidence(own)
         return found
 
     def told(self, own: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         """``sensors`` as parameters have it; all are as late as it takes for none to be early."""
+        own = {s: model for s, model in own.items() if s != TARGETS}
         early = min(0.0, *(model["latency"] for model in own.values()))
         late = {s: {**model, "latency": model["latency"] - early} for s, model in own.items()}
         before = self.params.sensors
@@ -130,7 +136,8 @@ class Climb:
         key = repr(own)
         if key not in self.tried:
             shared = {f.name: getattr(self.params, f.name) for f in fields(FilterParams)}
-            params = pmb_filter.Params(**{**shared, "sensors": self.told(own), "learn": ()})
+            changed = {"sensors": self.told(own), **own[TARGETS], "learn": ()}
+            params = pmb_filter.Params(**{**shared, **changed})
             try:
                 self.tried[key] = evidence(self.setup, self.scans, params)
             except EstimatorError:
@@ -169,7 +176,7 @@ def evidence(setup: Recording, scans: Iterable[Scan], params: pmb_filter.Params)
 
 
 def learn(setup: Recording, scans: Sequence[Scan], params: P) -> tuple[P, dict[str, Any]]:
-    """Parameters whose sensors fit the ``scans`` best, and what was learnt with its gain in nats.
+    """Parameters that fit the ``scans`` best, and what was learnt with its gain in nats.
 
     Raises
     ------
@@ -180,15 +187,16 @@ def learn(setup: Recording, scans: Sequence[Scan], params: P) -> tuple[P, dict[s
     for _ in range(ROUNDS):
         for x in coordinates(setup, params):
             climb.along(x)
-    sensors = climb.told(climb.own)
+    sensors, targets = climb.told(climb.own), climb.own[TARGETS]
     found = {
-        f"{stream}.{name}": value
+        f"{stream}.{name}".lstrip("."): value
         for stream in told
-        for name, value in sensors[stream].items()
+        for name, value in (sensors | {TARGETS: targets})[stream].items()
         if name in told[stream] and value != told[stream][name]
     }
     gained = {"evidence_gained": climb.best - start}
-    return replace(params, sensors=sensors), {**found, **gained} if found else {}
+    params = replace(params, sensors=sensors, **targets)
+    return params, {**found, **gained} if found else {}
 
 
 def head(scans: Iterator[Scan], span: float) -> list[Scan]:

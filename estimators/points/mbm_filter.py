@@ -23,6 +23,7 @@ from .kernels.bernoulli import (
     Mixture,
     add_tracks,
     associate,
+    matched,
     merge,
     missed,
     nothing,
@@ -248,8 +249,8 @@ def update(
     EstimatorError : no hypothesis is possible
     """
     a = state.mixture.local
-    sight = Sight.of(a, seen, params.gate, own)
-    log_hit, p = sight.together()
+    sight = Sight.of(a.m, a.P, a.modes, seen, params.gate, own)
+    log_hit, p = sight.log_hit(a.visible), sight.mean(sight.border.p)
     undetected, (new, m_new, P_new) = first_detections(state.undetected, seen, params, own, even)
     free = np.maximum(seen.clutter + new, TINY)
     found = associate(
@@ -264,8 +265,9 @@ def update(
     # (1), and (2) for who is detected.
     hit = np.flatnonzero(found.detection >= 0)
     i, l = found.detection[hit], found.prior[hit]
-    local = missed(sight.missed(), p).take(found.prior)
-    sight.detect(local, hit, l, i)
+    m, P, modes = sight.missed(a.visible, np.ones(len(a)))
+    local = missed(replace(a, m=m, P=P, modes=modes), p).take(found.prior)
+    local.put(hit, *sight.detected(l, i))
     local.r[hit] = local.visible[hit] = 1.0
     local.unseen[hit] = 0.0
     start, best = state.mixture.start.copy(), found.mixture.table[0]
@@ -273,6 +275,8 @@ def update(
     first = first[found.detection[best[first]] >= 0]
     start[first] = local.m[best[first]]
     mixture = replace(found.mixture, local=local, start=start)
+    if found.over:
+        mixture = matched(mixture, found.loose)
     state = replace(state, mixture=mixture, undetected=undetected)
     if found.over:
         over = state.cut.get("max_hypotheses", 0.0) + found.over

@@ -21,6 +21,7 @@ from .context import Context
 from .kernels.gaussians import strongest
 from .model.sensing import at_once
 from .model.targets import NAMES, UNITS, born
+from .modes import initial
 from .phd_filter import Params, State, extract, init, predict, reduce
 from .phd_update import Posterior, update
 from .strands import Strands, back
@@ -64,7 +65,7 @@ def step(
     x, survive = state.mixture, params.p_survive**gone.steps
     strands = Strands(
         together[0].time_ns, x.label, x.origin, x.w, x.m, x.P, gone.F, gone.Q, survive,
-        memory.classes,
+        memory.classes, way=state.way,
     )  # fmt: skip
     found = Estimates(context.setup.meta, objects, numbers)
     return replace(state, memory=memory), (found, strands)
@@ -87,7 +88,8 @@ def estimate(
 
 def run(context: Context[Params], scans: Iterable[Scan]) -> Iterator[Estimates]:
     """:func:`estimate` in a context of the caller's."""
-    forward = (found for _, found in through(context, scans, init(context.params.width), step))
+    start = init(context.params.width, initial(context.params))
+    forward = (found for _, found in through(context, scans, start, step))
     found = smoothed(forward, _backward(context), context.params.wait)
     return found if context.params.wait is None else (_shown(x, context) for x in found)
 

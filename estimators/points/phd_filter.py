@@ -14,9 +14,12 @@ from ...models.records import Array
 from .context import FilterParams
 from .cuts import Cut
 from .kernels import births
+from .kernels.bernoulli import ONE
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
-from .model.targets import Interval, TargetParams, elapse, limit, newborn
+from .kernels.modes import Modes, Way
+from .model.targets import Interval, elapse, limit, newborn
+from .modes import ModeParams, initial, moved
 from .times import Memory
 from .trails import TrailParams
 
@@ -26,7 +29,7 @@ CROWD = 5000
 
 # Without slots: classes that have some cannot be composed.
 @dataclass(frozen=True)
-class Params(TrailParams, FilterParams):
+class Params(TrailParams, ModeParams, FilterParams):
     """Sensors, targets, and how the mixture is kept small and read."""
 
     TITLE = "mixture"
@@ -77,6 +80,7 @@ class Params(TrailParams, FilterParams):
 
     def __post_init__(self) -> None:
         FilterParams.__post_init__(self)
+        ModeParams.__post_init__(self)
         TrailParams.__post_init__(self)
 
 
@@ -84,7 +88,8 @@ class Params(TrailParams, FilterParams):
 class Mixture:
     """Intensity of targets: weights w (J,), means m (J, 4), covariances P (J, 4, 4), label (J,).
 
-    ``origin`` (J,) is the component that each was after the scans before, -1 for a new one.
+    ``origin`` (J,) is the component that each was after the scans before, -1 for a new one. Where
+    targets manoeuvre m and P are the moments of their ``modes``.
     """
 
     w: Array
@@ -92,10 +97,14 @@ class Mixture:
     P: Array
     label: Array
     origin: Array
+    modes: Modes | None = None
 
     def take(self, index: Array) -> Mixture:
         """The components ``index``."""
-        return Mixture(*(getattr(self, name)[index] for name in Mixture.__slots__))
+        modes = None if self.modes is None else self.modes.take(index)
+        columns = self.w, self.m, self.P, self.label, self.origin
+        w, m, P, label, origin = (column[index] for column in columns)
+        return Mixture(w, m, P, label, origin, modes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +113,7 @@ class State:
 
     ``waiting`` appeared at the last detections and enters with the next prediction;
     ``next_label`` is free, ``memory`` what is known beside; ``cut`` is the expected number of
-    targets that limits left out this time.
+    targets that limits left out this time. ``way`` is how those that manoeuvre came there.
     """
 
     mixture: Mixture
@@ -113,15 +122,17 @@ class State:
     time_ns: int | None
     memory: Memory = field(default_factory=Memory)
     cut: Cut = field(default_factory=dict)
+    way: Way | None = None
 
 
-def init(width: int = 4) -> State:
-    """Nothing is known of targets whose state has so many entries."""
+def init(width: int = 4, mode: Array = ONE) -> State:
+    """Nothing is known of targets whose state has so many entries, and modes as of ``mode``."""
     nothing, none = births.none(width), np.zeros(0, np.int64)
-    return State(Mixture(*nothing, none, none), nothing, 0, None)
+    modes = Modes.of(mode, *nothing[1:]) if len(mode) > 1 else None
+    return State(Mixture(*nothing, none, none, modes), nothing, 0, None)
 
 
-def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Array, Interval]:
+def predict(state: State, params: Params, time_ns: int) -> tuple[State, Array, Interval]:
     """The mixture at ``time_ns`` with what may have appeared (eqs. 22-29), and which of it did.
 
     Births at detections appeared at the last scan and move; others stand where they are expected.
@@ -131,13 +142,16 @@ def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Ar
     InputError : the time goes back
     """
     gone = elapse(params, state.time_ns, time_ns)
-    old, (w, m, P) = state.mixture, state.waiting
+    old, (w, m, P), mode = state.mixture, state.waiting, initial(params)
+    modes = None if old.modes is None else old.modes.join(Modes.of(mode, m, P))
     w, m, P = np.concatenate((old.w, w)), np.concatenate((old.m, m)), np.concatenate((old.P, P))
     w = w * gone.survival(params, m)
-    m, P, known = gone.predict(m, P)
+    m, P, modes, way, known = moved(m, P, modes, params, gone)
     label = np.concatenate((old.label, state.next_label + np.arange(len(w) - len(old.w))))
     is_new = np.arange(len(w)) >= len(old.w)
     new = newborn(params, gone)
+    if modes is not None:
+        modes = modes.take(known).join(Modes.of(mode, *new[1:]))
     w, m, P = births.join((w[known], m[known], P[known]), new)
     first = state.next_label + len(label) - len(old.w)
     label = np.concatenate((label[known], first + np.arange(len(new[0]))))
@@ -146,11 +160,12 @@ def predict(state: State, params: TargetParams, time_ns: int) -> tuple[State, Ar
     is_new = np.concatenate((is_new[known], np.ones(len(new[0]), bool)))
     predicted = replace(
         state,
-        mixture=Mixture(w, m, P, label, origin),
+        mixture=Mixture(w, m, P, label, origin, modes),
         waiting=births.none(params.width),
         next_label=first + len(new[0]),
         time_ns=time_ns,
         cut={},
+        way=way,
     )
     return predicted, is_new, gone
 
@@ -171,7 +186,24 @@ def reduce(mixture: Mixture, params: Params, detections: int = 0) -> tuple[Mixtu
         w = np.minimum(w, 1.0)
     kept = strongest(w, m, 0.0, cap)
     cut += w.sum() - w[kept].sum()
-    return Mixture(w, m, P, x.label[leader], x.origin[leader]).take(kept), max(float(cut), 0.0)
+    modes = None
+    if x.modes is not None:
+        by_leader = params.merge_by == "leader"
+        into = _leaders(x.m, scale, leader, params.merge_distance, by_leader)
+        modes = x.modes.merged(into, x.w).take(leader)
+    merged = Mixture(w, m, P, x.label[leader], x.origin[leader], modes)
+    return merged.take(kept), max(float(cut), 0.0)
+
+
+def _leaders(m: Array, scale: Array, leader: Array, threshold: float, by_leader: bool) -> Array:
+    """The ``leader`` (J,) that each component has joined: the first that is near enough."""
+    v = m[:, None] - m[leader]
+    root = np.linalg.cholesky(scale)
+    root = root[None, leader] if by_leader else root[:, None]
+    e = np.linalg.solve(np.broadcast_to(root, (*v.shape, v.shape[2])), v[..., None])[..., 0]
+    near = (e**2).sum(2) <= threshold
+    near[leader] = np.eye(len(leader), dtype=bool)
+    return np.asarray(leader[near.argmax(1)]) if len(leader) else leader
 
 
 def extract(mixture: Mixture, params: Params) -> tuple[Array, Array]:

@@ -17,8 +17,8 @@ import numpy as np
 from ...models.records import Array
 from .kernels.association import marginals
 from .kernels.bernoulli import TINY
-from .model.edge import Border, detection_probability
-from .model.sensing import Look, SensorParams, innovations, log_likelihood, updated
+from .model.sensing import Look, SensorParams
+from .model.sight import Sight
 from .phd_filter import Mixture, Params
 
 SURE = 1e-12
@@ -100,12 +100,9 @@ def _corrected(
     earlier Bernoullis made the detections, from which (J',) each component came, and how probably
     (J,) one that is missed is out of view.
     """
-    w, m, P, T, n = x.w, x.m, x.P, len(q), len(seen.z)
-    z_hat, C, S = innovations(seen, m, P, own.unscented)
-    border = Border.of(seen, m, P, own.fov_mass)
-    p = border.p
-    hit = w[:, None] * np.exp(log_likelihood(seen, z_hat, S, gate))
-    hit *= _found(seen, own, x, z_hat, C, S, hit, p)
+    w, T, n = x.w, len(q), len(seen.z)
+    sight = Sight.of(x.m, x.P, x.modes, seen, gate, own)
+    p, hit = sight.mean(sight.border.p), sight.hit(w)
     free = target < 0
     none = seen.clutter + hit[free].sum(0)
     share = 1 / np.where(none > 0, none, 1.0)
@@ -127,11 +124,14 @@ def _corrected(
         weight[j, i] = hit[j, i] * (taken / sum_hit)[of]
         begun = begun * (1 - by_others)
     elsewhere = np.where(free, 1 - weight.sum(1) / np.maximum(w, 1.0), 1.0)
-    m_missed, P_missed = border.missed(np.ones(len(w)), np.maximum(elsewhere, 0.0))
-    beyond = (1 - border.share) / np.maximum(1 - p, SURE) if own.fov_mass else np.zeros(len(w))
+    m_missed, P_missed, missing = sight.missed(np.ones(len(w)), np.maximum(elsewhere, 0.0))
+    share = sight.mean(sight.border.share)
+    beyond = (1 - share) / np.maximum(1 - p, SURE) if own.fov_mass else np.zeros(len(w))
     kept = np.flatnonzero(missed > least)
     j, i = np.nonzero(weight > least)
-    m_new, P_new = updated(seen, m, P, z_hat, C, S, j, i)
+    m_new, P_new, modes = sight.detected(j, i)
+    if missing is not None and modes is not None:
+        modes = missing.take(kept).join(modes)
     source = np.concatenate((kept, j))
     after = Mixture(
         np.concatenate((missed[kept], weight[j, i])),
@@ -139,28 +139,8 @@ def _corrected(
         np.concatenate((P_missed[kept], P_new)),
         x.label[source],
         x.origin[source],
+        modes,
     )
     of = np.concatenate((target[kept], np.where(free[j], T + i, target[j])))
     q, left_over = np.concatenate((q, begun)), float(missed[free].sum())
     return after, of, q, left_over, by_others, source, beyond
-
-
-def _found(
-    seen: Look,
-    own: SensorParams,
-    x: Mixture,
-    z_hat: Array,
-    C: Array,
-    S: Array,
-    hit: Array,
-    p: Array,
-) -> Array:
-    """Probability of detection (J, 1 or n) by each detection: the mass in view once updated."""
-    partial = (p > 0) & (p < seen.p_detect)
-    if not partial.any():
-        return p[:, None]
-    found = np.repeat(p[:, None], hit.shape[1], axis=1)
-    j, i = np.nonzero(hit * partial[:, None])
-    m, P = updated(seen, x.m, x.P, z_hat, C, S, j, i)
-    found[j, i] = detection_probability(seen, m, P, own.fov_mass)
-    return found

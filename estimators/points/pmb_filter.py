@@ -106,7 +106,7 @@ class State:
     Targets that were detected are ``tracks``; of the others, ``undetected`` are components and
     ``backlog`` what may be anywhere. ``way`` is how those that manoeuvre came there; ``next_label``
     is free, ``memory`` what is known beside, and ``cut`` what limits left out. ``evidence`` is that
-    of the time, but for first detections that were expected and not there.
+    of the time.
     """
 
     tracks: Tracks
@@ -282,6 +282,8 @@ def _first_detections(
             raise InputError(UNKNOWN)
         where = positions(seen)[0]
         even = params.birth_rate * seen.p_detect * backlog.at(where) * seen.spatial * rated
+        expected = params.birth_rate * seen.p_detect * backlog.mean(seen)
+        state = replace(state, evidence=state.evidence - expected)
         backlog = backlog.missed(seen)
     w, m, P = state.undetected
     if not len(w):
@@ -289,6 +291,7 @@ def _first_detections(
     pairs = near(seen, m, P, own.unscented, params.gate)
     border = Border.of(seen, m, P, own.fov_mass)
     p, (m_missed, P_missed) = border.p, border.missed(np.ones(len(w)), np.ones(len(w)))
+    state = replace(state, evidence=state.evidence - float(w @ p))
     m_hit, P_hit = pairs.updated(seen, m, P)
     density = _found(seen, own, p, pairs, m_hit, P_hit) * w[pairs.target] * np.exp(pairs.log_l)
     total, mean, spread = matched(

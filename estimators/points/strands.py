@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...models.records import Array
+from .kernels.modes import Way
 from .kernels.smoothing import existed, rts
 from .source import Classes
 
@@ -29,7 +30,7 @@ class Strands:
     ``origin`` (J,) is the component that each was a time before, -1 for none, in which it may have
     been one of several targets; F and Q (dx, dx) are the motion from then, which targets
     ``survive`` with that probability. Of what the filter knew r is the weight, of any size.
-    ``anew`` counts labels that had to be made.
+    ``anew`` counts labels that had to be made; ``way`` is how those that manoeuvre came.
     """
 
     time_ns: int
@@ -43,6 +44,7 @@ class Strands:
     survive: float
     classes: Classes = field(default_factory=dict)
     anew: int = 0
+    way: Way | None = None
 
 
 def back(later: Strands | None, now: Strands) -> Strands:
@@ -64,7 +66,11 @@ def back(later: Strands | None, now: Strands) -> Strands:
     ahead = np.concatenate((_summed(later, most, number), np.zeros(len(rest))))
     r = existed(r[j], ahead, later.survive)
     m, P, n = now.m[j], now.P[j], len(most)
-    m[:n], P[:n] = rts(m[:n], P[:n], later.m[most], later.P[most], later.F, later.Q)
+    ahead_of = later.m[most], later.P[most]
+    if later.way is None:
+        m[:n], P[:n] = rts(m[:n], P[:n], *ahead_of, later.F, later.Q)
+    else:
+        m[:n], P[:n] = later.way.back(here, m[:n], P[:n], *ahead_of)
     label = np.concatenate((later.label[most], now.label[rest]))
     label, anew = _different(label, r, later.anew)
     alive = set(label.tolist())

@@ -20,7 +20,7 @@ from ....models.records import Array
 from .compiled import bernoulli as compiled
 from .compiled import gaussians, groups
 from .gaussians import falling, moments
-from .groups import OVER, SHARE, marginal, taken
+from .groups import MANY, MOST, OVER, OVER_MANY, SHARE, marginal, taken
 from .modes import Modes
 
 TINY = 1e-300
@@ -66,6 +66,12 @@ class Bernoullis:
             assert other.modes is not None
             modes = self.modes.join(other.modes)
         return Bernoullis(**columns, modes=modes)
+
+    def put(self, at: Array, m: Array, P: Array, modes: Modes | None) -> None:
+        """Give those ``at`` (k,) other densities."""
+        self.m[at], self.P[at] = m, P
+        if self.modes is not None and modes is not None:
+            self.modes.w[at], self.modes.m[at], self.modes.P[at] = modes.w, modes.m, modes.P
 
 
 def newborn(r: Array, m: Array, P: Array, mode: Array = ONE) -> Bernoullis:
@@ -190,8 +196,8 @@ class Association:
     The ``mixture`` has the distinct pairs of a Bernoulli ``prior`` (n,) and the ``detection`` (n,)
     that it takes, -1 for a miss, in its table; its ``local`` are those before. Each of M detections
     may be of tracks of the group ``of`` (M,), -1 for none, whose hypotheses leave it ``free``
-    (G, M) or not. Of ``over`` groups only the marginals could be told: they made the detections
-    with the probability ``taken`` (M,).
+    (G, M) or not. Of ``over`` groups only the marginals could be told: those of the tracks
+    ``loose`` (T,), which made the detections with the probability ``taken`` (M,).
     """
 
     mixture: Mixture
@@ -200,6 +206,7 @@ class Association:
     of: Array
     free: Array
     taken: Array
+    loose: Array
     over: int
 
     def novelty(self) -> Array:
@@ -239,9 +246,11 @@ def associate(
     gain = np.vstack((np.where(near, gain, -np.inf), np.full(M, -np.inf)))
     miss, of = np.append(miss, 0.0), np.zeros(M, np.int64)
     if parted:
-        x, (cost, row, detection), of, taken, over = _by_group(mixture, gain, miss, near, k, gap)
+        x, (cost, row, detection), of, taken, loose, over = _by_group(
+            mixture, gain, miss, near, k, gap
+        )
     else:
-        x, taken, over = mixture, np.zeros(M), 0
+        x, taken, loose, over = mixture, np.zeros(M), np.zeros(len(mixture.label), bool), 0
         cost, row, detection = groups.best(x.w, x.table, x.group, gain, miss, of, k, gap)
     if np.isinf(cost[0]).any():
         raise EstimatorError("no association of tracks and detections is possible")
@@ -254,21 +263,22 @@ def associate(
     pairs, table = _numbered(key, len(r) * (M + 1))
     prior, detection = np.divmod(pairs, M + 1)
     x = replace(x, table=table)
-    return Association(x, prior, detection - 1, of, free, taken, over)
+    return Association(x, prior, detection - 1, of, free, taken, loose, over)
 
 
 def _by_group(
     mixture: Mixture, gain: Array, miss: Array, near: Array, k: int, gap: float
-) -> tuple[Mixture, tuple[Array, Array, Array], Array, Array, int]:
+) -> tuple[Mixture, tuple[Array, Array, Array], Array, Array, Array, int]:
     """The mixture in groups that share no detection, and what :func:`.groups.best` says of it.
 
-    Where too many hypotheses are as good as the ``k`` best, each track is in a group of its own,
+    Where too many hypotheses matter beside the ``k`` best, each track is in a group of its own,
     with its marginals. Also the group ``of`` (M,) each detection, how probably (M,) such tracks
-    made it, and of how many groups they are.
+    made it, which (T,) they are, and of how many groups.
     """
     l, i = map(np.ascontiguousarray, np.nonzero(near))
     part, seen = groups.together(_owner(mixture)[l], i, mixture.w.shape[1], near.shape[1])
-    over = np.zeros(part.max(initial=-1) + 1, bool)
+    size = np.bincount(part[mixture.group], minlength=part.max(initial=-1) + 1)
+    over = size > MOST
     while True:
         number = np.append(np.where(over, -1, np.cumsum(~over) - 1), -1)
         x, into = _apart(mixture, number[part])
@@ -279,13 +289,14 @@ def _by_group(
             x = x.rows(row, w, into[x.group], into)
             found = groups.best(x.w, x.table, x.group, gain, miss, of, k, gap)
             if len(found[0]) >= k:
-                more = found[0][k - 1, : len(kept)] < found[0][0, : len(kept)] - np.log(OVER)
+                last = np.exp(found[0][0] - found[0][k - 1])[: len(kept)]
+                more = last > np.where(size[kept] > MANY, OVER_MANY, OVER)
         if not more.any():
             break
         over[kept[more]] = True
-    taken = np.zeros(len(of))
+    taken, loose = np.zeros(len(of)), over[part[mixture.group]]
     if not over.any():
-        return x, found, of, taken, 0
+        return x, found, of, taken, loose, 0
     room = ((0, max(k - len(found[0]), 0)), (0, 0))
     cost = np.pad(found[0], room, constant_values=np.inf)
     row, detection = (np.pad(a, room, constant_values=-1) for a in found[1:])
@@ -299,7 +310,7 @@ def _by_group(
             n, g = len(price), x.group[t]
             cost[:, g], row[:, g], detection[:, t] = np.inf, -1, -1
             cost[:n, g], row[:n, g], detection[:n, t] = price, before, z
-    return x, (cost, row, detection), of, taken, int(over.sum())
+    return x, (cost, row, detection), of, taken, loose, int(over.sum())
 
 
 def _apart(mixture: Mixture, into: Array) -> tuple[Mixture, Array]:
@@ -386,6 +397,33 @@ def _parted(x: Mixture, dependence: float) -> Mixture:
     group = groups.split(x.w, x.table, x.group, x.local.r, dependence)
     _, first = np.unique(group, return_index=True)
     return x.regrouped(group, x.group[first])
+
+
+def matched(mixture: Mixture, loose: Array) -> Mixture:
+    """The mixture in which each track of ``loose`` (T,) is one Bernoulli, which has its marginals.
+
+    They are in groups of their own, whose other hypotheses are gone but for that of the weightiest
+    Bernoulli, as which the track goes on.
+    """
+    track = np.flatnonzero(loose)
+    g, t = np.nonzero(mixture.table[:, track] >= 0)
+    group = mixture.group[track[t]]
+    used, row, at = np.unique(mixture.table[g, track[t]], return_index=True, return_inverse=True)
+    a, of = mixture.local.take(used), t[row]
+    omega = np.bincount(at, mixture.w[g, group], len(used))
+    leader, r, m, P, visible = compiled.group(of, omega, a.r, a.m, a.P, a.visible, np.inf, np.inf)
+    modes = None if a.modes is None else a.modes.merged(leader, omega * a.r)
+    first = np.flatnonzero(leader == np.arange(len(used)))
+    r[first] *= np.bincount(of, omega, len(track))[of[first]]
+    one = replace(a, r=r, m=m, P=P, visible=visible, modes=modes).take(first)
+    table, w, parent = mixture.table.copy(), mixture.w.copy(), mixture.parent.copy()
+    table[:, track] = -1
+    table[0, track[of[first]]] = len(mixture.local) + np.arange(len(first))
+    w[:, mixture.group[track]] = np.arange(len(w))[:, None] == 0
+    kept = np.zeros(w.shape[1], np.int64)
+    kept[group[row[first]]] = g[row[first]]
+    parent[0] = parent[kept[mixture.heir], np.arange(len(mixture.heir))]
+    return replace(mixture, local=mixture.local.join(one), table=table, w=w, parent=parent)
 
 
 def merge(mixture: Mixture, distance: float, existence: float) -> Mixture:

@@ -22,6 +22,11 @@ SHARE = 0.5
 OVER = 0.5
 """Weight of the last of the hypotheses that are kept, of that of the best, from which on what is
 not kept matters as well."""
+OVER_MANY = 0.005
+"""The same of a group with more than :data:`MANY` tracks, each of whose doubts multiplies them."""
+MANY = 8
+MOST = 40
+"""Tracks of a group, from which on no number of hypotheses tells what matters."""
 
 
 def members(group: Array, C: int) -> tuple[Array, Array]:

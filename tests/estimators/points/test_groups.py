@@ -169,3 +169,49 @@ def test_groups_are_the_same_as_one_group(make_recording):
             assert numbers[name][0] == pytest.approx(numbers_2[name][0], abs=1e-9)
         assert best.tolist() == best_2.tolist()
     assert found >= 3
+
+
+def test_tracks_of_a_crowd_have_the_marginals_of_all_associations():
+    """Each of a row of tracks may have made either detection beside it: sums along the row."""
+    T, p = groups.MOST + 5, 0.9
+    rng = np.random.default_rng(8)
+    r, free, left, right = rng.uniform(0.2, 0.9, T), rng.uniform(1, 2, T + 1), *rng.random((2, T))
+    log_hit = np.full((T, T + 1), -np.inf)
+    log_hit[np.arange(T), np.arange(T)], log_hit[np.arange(T), np.arange(T) + 1] = (
+        np.log(p * left),
+        np.log(p * right),
+    )
+    weight = np.stack((1 - r * p, r * p * left / free[:-1], r * p * right / free[1:]), 1)
+    ahead, behind = np.ones((T + 1, 3)), np.ones((T + 1, 3))
+    allowed = np.ones((3, 3))
+    allowed[2, 1] = 0.0
+    for t in range(T):
+        ahead[t + 1] = (ahead[t] * weight[t]) @ allowed
+        ahead[t + 1] /= ahead[t + 1].sum()
+    for t in range(T)[::-1]:
+        behind[t] = allowed @ (weight[t] * behind[t + 1])
+        behind[t] /= behind[t].sum()
+    law = ahead[:-1] * weight * behind[1:]
+    law /= law.sum(1, keepdims=True)
+
+    one = np.arange(T)
+    local = bernoulli.newborn(r, np.tile(one[:, None] + 0.5, (1, 4)), np.tile(np.eye(4), (T, 1, 1)))
+    w, table = np.ones((1, T)), one[None]
+    x = bernoulli.Mixture(local, one, local.m, w, table, one, np.zeros((1, T), int), one, one)
+    found = bernoulli.associate(x, log_hit, np.full(T, p), np.log(free), 100, np.log(1e12), True)
+    assert found.over == 1 and found.loose.all()
+    after = bernoulli.missed(local, np.full(T, p)).take(found.prior)
+    hit = found.detection >= 0
+    after.r[hit], after.m[hit] = 1.0, found.detection[hit, None]
+    y = bernoulli.matched(bernoulli.replace(found.mixture, local=after), found.loose)
+    gone = (1 - p) * r / (1 - r * p)
+    parts = law * np.stack((gone, np.ones(T), np.ones(T)), 1)
+    where = np.stack((one + 0.5, one, one + 1.0), 1)
+    mean = (parts * where).sum(1) / parts.sum(1)
+    spread = (parts * (where - mean[:, None]) ** 2).sum(1) / parts.sum(1)
+    picked = y.table[0]
+    assert (y.table[1:] < 0).all()
+    np.testing.assert_allclose(y.local.r[picked], parts.sum(1), atol=1e-9)
+    np.testing.assert_allclose(y.local.m[picked, 0], mean, atol=1e-8)
+    np.testing.assert_allclose(y.local.P[picked, 0, 0], 1 + spread, atol=1e-8)
+    np.testing.assert_allclose(found.taken[1:-1], law[:-1, 2] + law[1:, 1], atol=1e-9)

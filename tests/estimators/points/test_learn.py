@@ -112,3 +112,25 @@ def test_estimates_are_those_of_what_was_learnt():
     other = Estimation("pmb", (("here", told),)).on(recording.setup(), "two")
     for a, b in zip(steps, other.steps(recording.scans()), strict=True):
         np.testing.assert_array_equal(a.objects.state, b.objects.state)
+
+
+@pytest.mark.parametrize(("rate", "guess"), [(0.4, 0.05), (0.1, 1.0)])
+def test_how_often_targets_appear_is_found(make_recording, rate, guess):
+    """Of a Poisson process, to what the number that appeared tells of its rate."""
+    rng = np.random.default_rng(3)
+    begin = np.sort(rng.uniform(0, 100, rng.poisson(rate * 100)))
+    life = rng.exponential(20.0, len(begin))
+    x, v = rng.uniform(-200, 200, (len(begin), 2)), 3 * rng.normal(size=(len(begin), 2))
+    scans = []
+    for t in range(100):
+        here = (begin <= t) & (t < begin + life)
+        z = (x + (t - begin)[:, None] * v)[here & (rng.random(len(begin)) < 0.9)]
+        z = z[(np.abs(z) < SIDE).all(1)]
+        z = z + 2 * rng.normal(size=z.shape)
+        scans.append(np.vstack((z, rng.uniform(-SIDE, SIDE, (rng.poisson(3.0), 2)))))
+    own = {"birth_rate": guess, "p_survive": 0.95, "backlog": 1.0, "learn_span": 300.0}
+    got = found(make_recording(scans), "birth_rate", **own)
+    assert got.keys() == {"birth_rate", "evidence_gained"}
+    # Who dies before a detection is seldom known of, and steps are not finer than a twentieth.
+    many = len(begin) / 100
+    assert got["birth_rate"] == pytest.approx(many, abs=4.5 * np.sqrt(many / 100))

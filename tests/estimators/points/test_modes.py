@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
-from echoset.estimators.points import mbm, pmb
+from echoset.estimators.points import mbm, phd, pmb
 from echoset.estimators.points.context import Context
 from echoset.estimators.points.kernels.modes import Modes
 from echoset.estimators.points.modes import ModeParams, initial, transitions
@@ -30,7 +30,7 @@ BASE = {
     "min_existence": 1e-300,
 }
 H = np.eye(2, 4)
-OWN = {pmb: {}, mbm: {}}
+OWN = {pmb: {}, mbm: {}, phd: {"prune_weight": 1e-20, "extract_weight": 0.2}}
 FILTERS = pytest.mark.parametrize("own", list(OWN), ids=lambda own: own.__name__.split(".")[-1])
 
 
@@ -54,6 +54,11 @@ def test_modes_are_a_chain_in_time():
     np.testing.assert_allclose(start @ two, start, atol=1e-14)
     assert start[1:].sum() / start[0] == pytest.approx(0.4)
     assert ModeParams().modes == 1 and ModeParams(motion="imm").modes == 4
+
+
+def known(own, changes):
+    """Those of the changes that are parameters of the filter, and its own."""
+    return {k: v for k, v in (changes | OWN[own]).items() if hasattr(own.Params, k)}
 
 
 def sequences(Z, params):
@@ -116,7 +121,7 @@ def test_four_steps_by_enumeration_of_mode_sequences(make_recording, own, chain,
     """Exact where modes do not change; else the modes are merged at each step, and near."""
     for seed in range(3):
         Z = list(turning(np.random.default_rng(seed), 4))
-        base = BASE | OWN[own]
+        base = known(own, BASE)
         params = own.Params(**base, motion="imm", manoeuvres=((0.5, 0.1), (-0.5, 1.0)), **chain)
         *_, found = filtered(own, make_recording([z[None] for z in Z]), params)
         every = list(sequences(Z, params))
@@ -141,7 +146,7 @@ def test_alike_modes_are_one(make_recording, own, smooth):
     rng = np.random.default_rng(4)
     Z = [np.vstack((z[None], rng.uniform(0, 100, (2, 2)))) for z in turning(rng, 8)]
     changes = {**BASE, "p_detect": 0.9, "clutter_rate": 2.0, "p_survive": 0.99, "gate": 20.0}
-    one = own.Params(**changes | OWN[own], smooth=smooth, extract_smoothed=0.5)
+    one = own.Params(**known(own, changes), smooth=smooth, extract_smoothed=0.5)
     many = replace(one, motion="imm", manoeuvres=((0.0, 0.1), (0.0, 0.1)))
     none = replace(one, motion="imm", manoeuvres=())
     recording = make_recording(Z)

@@ -282,6 +282,19 @@ def test_what_waits_where_a_moving_sector_has_looked():
     np.testing.assert_allclose(waiting.at(where)[~edge], expected[~edge], rtol=1e-12)
 
 
+def test_what_waits_in_view_is_the_mean_where_its_clutter_is():
+    """By points that are spread like it: a quarter of the view has been looked at before."""
+    rng = np.random.default_rng(6)
+    before = seen([], view=View(-0.8, 0.0, 0.0, 75.0))
+    look = seen([], view=View(-0.8, 0.8, 0.0, 150.0))
+    waiting = Backlog(10.0).missed(look).predict(0.9, 1.0).missed(before)
+    r, azimuth = rng.uniform(0, 150, 20_000), rng.uniform(-0.8, 0.8, 20_000)
+    there = waiting.at(np.stack((r * np.cos(azimuth), r * np.sin(azimuth)), 1))
+    # Cells, 6 m wide, count for where their middles are: near the sensor that is coarse.
+    assert waiting.mean(look) == pytest.approx(there.mean(), rel=0.1)
+    assert waiting.mean(seen([])) == waiting.elsewhere == pytest.approx(10.0)
+
+
 def test_a_map_of_what_waits_does_not_grow_beyond_bounds(monkeypatch):
     monkeypatch.setattr("echoset.estimators.points.backlog.MOST", 10_000)
     waiting, view = Backlog(10.0), View(range_max=100.0)

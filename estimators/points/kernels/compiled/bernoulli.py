@@ -7,7 +7,26 @@ from numba import njit
 
 from .....models.records import Array
 from .gaussians import _cholesky
-from .parts import falling
+from .parts import falling, inner
+
+
+@inner
+def _by_track(order: Array, track: Array) -> tuple[Array, Array]:
+    """The indices in the same order by track, and where each track ends."""
+    T = 0
+    for t in track:
+        T = max(T, t + 1)
+    end, place = np.empty(T + 1, np.int64), np.empty(len(order), np.int64)
+    for t in range(T + 1):
+        end[t] = 0
+    for t in track:
+        end[t + 1] += 1
+    for t in range(T):
+        end[t + 1] += end[t]
+    for i in order:
+        place[end[track[i]]] = i
+        end[track[i]] += 1
+    return place, end
 
 
 @njit(cache=True)
@@ -27,16 +46,16 @@ def group(
             m_out[l, a] = m[l, a]
             for b in range(d):
                 P_out[l, a, b] = P[l, a, b]
-    order = falling(weight)
+    order, end = _by_track(falling(weight), track)
     for at in range(L):
         l = order[at]
         if leader[l] >= 0:
             continue
         leader[l], near[0], size = l, l, 1
         total, mass = weight[l], weight[l] * r[l]
-        for later in range(at + 1, L):
+        for later in range(at + 1, end[track[l]]):
             j = order[later]
-            if leader[j] >= 0 or track[j] != track[l] or abs(r[j] - r[l]) > existence:
+            if leader[j] >= 0 or abs(r[j] - r[l]) > existence:
                 continue
             if root_of != l:
                 _cholesky(P[l], root)
