@@ -50,7 +50,7 @@ LATE = ((0.2, 1.5, 1.0), (0.2, 1.5, 0.7), (0.5, 1.5, 0.7), (0.2, 4.0, 1.0))
 """Shares of late ranges that are tried, their detours in units of the noise, and its factors."""
 NARROW = 0.6
 """Factor of an anchor's own part of the offset with which learning begins, at rest."""
-SPREADS, WALKS = (0.3, 1.0, 3.0), (0.01, 0.02, 0.05)
+SPREADS, WALKS = (1.0, 3.0), (0.01, 0.02, 0.05)
 """Factors of that part, and its walks [m s-1/2], that are tried."""
 IMPERFECT = 3.0
 """Intervals of a link's ranges for which residuals are alike by an imperfect fit alone."""
