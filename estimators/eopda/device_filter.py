@@ -17,7 +17,7 @@ from ..kernels.passes import smoothed
 from .cloud.resampling import systematic
 from .cloud.start import MARGIN, SPAN
 from .extract import extract
-from .filter import track, turn
+from .filter import shown, track
 from .learn import learn, with_noise
 from .links import NO_LINKS, Network, link_steps, network
 from .odometry import Odometer, odometry_of
@@ -111,7 +111,7 @@ class DeviceFilter:
         """The estimate of a step; an offset that is hidden is drawn for it, and not kept."""
         state = step.state
         if params.has_object and state.hidden > 0:
-            state, _ = turn(state, np.zeros((1, 3)), NO_LINKS, params, rng)
+            state = shown(state, params, rng)
         out = extract(state, step.time_ns, self.target, params, known)
         more = {"evidence": np.array([step.gain]), "sought_anew": np.array([float(step.anew)])}
         if params.keep:

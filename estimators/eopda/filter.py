@@ -122,6 +122,15 @@ def turn(
     return _weighed(replace(state, y=y, hidden=0.0), correction)
 
 
+def shown(state: State, params: Params, rng: np.random.Generator) -> State:
+    """The state with the walk of a hidden offset drawn, of each copy of a particle by itself.
+
+    What passive links leave may be a few heavy particles, whose own draws would not be its mean.
+    """
+    index = systematic(state.w, rng.random(), len(state.w))
+    return turn(take(state, index), np.zeros((1, 3)), NO_LINKS, params, rng)[0]
+
+
 def reduce(state: State, rng: np.random.Generator) -> State:
     """Resample where less than half of the particles are effective."""
     n = len(state.w)

@@ -52,6 +52,8 @@ NARROW = 0.6
 """Factor of an anchor's own part of the offset with which learning begins, at rest."""
 SPREADS, WALKS = (0.3, 1.0, 3.0), (0.01, 0.02, 0.05)
 """Factors of that part, and its walks [m s-1/2], that are tried."""
+IMPERFECT = 3.0
+"""Intervals of a link's ranges for which residuals are alike by an imperfect fit alone."""
 FARTHEST = 3
 """Steps that a walk may be climbed away from what is told."""
 _log = logging.getLogger(__name__)
@@ -62,6 +64,7 @@ class _Search:
     """The best parameters so far, and evidences by what has been tried.
 
     Ranges of a link come every ``interval`` [s] in the recording, of which ``events`` are a part.
+    The gain [nats] counts from ``at_first``.
     """
 
     net: Network
@@ -71,6 +74,7 @@ class _Search:
     seed: int
     best: Params
     interval: float
+    at_first: float = 0.0
     tried: dict[Params, float] = field(default_factory=dict)
     curves: dict[Params, list[float]] = field(default_factory=dict)
 
@@ -83,6 +87,11 @@ class _Search:
         if params not in self.tried:
             self.tried[params], self.curves[params] = self._run(params)
         return self.tried[params]
+
+    @property
+    def gain(self) -> float:
+        """What the best parameters have gained [nats]."""
+        return self.evidence(self.best) - self.at_first
 
     def _run(self, params: Params) -> tuple[float, list[float]]:
         """The evidence, and its sums up to each event or up to where it was given up."""
@@ -155,7 +164,7 @@ def learn(
             drawn = np.sort(rng.choice(len(events), len(drawn), replace=False))
         events = [events[k] for k in drawn.tolist()]
     search = _Search(net, events, target, params, seed, params, interval)
-    at_first = search.evidence(params)
+    search.at_first = search.evidence(params)
     if "bias" in wanted:
         spread = NARROW * params.range_bias_spread
         search.best = replace(params, range_bias_spread=spread, range_bias_walk=0.0)
@@ -164,7 +173,8 @@ def learn(
         _explain(search, wanted)
     for finer in FINER:
         before, is_first = search.best, finer == FINER[0]
-        if "sigma" in wanted:
+        if "sigma" in wanted and search.best.noise_time == params.noise_time:
+            # ranges that count for less would seem the more exact
             search.climb(finer, "sigma_factor", most=20)
         if "rates" in wanted and (is_first or params.has_object):
             search.climb(2.0, "mean_clutter")
@@ -178,27 +188,26 @@ def learn(
                 if target.extent:
                     search.settle(SLOWER, "axes_std", "width_std")
             search.climb(1.6, "acceleration_std", most=FARTHEST)
+        if "sigma" in wanted and is_first:
+            # what stays is to be no walk of the offsets, nor detours, which are new for each range
+            _space(search)
         if "bias" in wanted and is_first and search.best.range_bias_std > 0:
             for spread in SPREADS:
                 search.offer(range_bias_spread=spread * params.range_bias_spread)
             for walk in WALKS:
                 search.offer(range_bias_walk=walk)
-        if "rates" in wanted and is_first and _stays(search, search.best) == 0.0:
-            # a detour is drawn anew for each range: it does not explain errors that stay
+        if "rates" in wanted and is_first and search.best.noise_time == 0.0:
             _late(search)
         _explain(search, wanted)
         if search.best == before:
             break
-    best = max(search.best, params, key=search.evidence)
-    gain = search.evidence(best) - at_first
-    if "sigma" in wanted and (stays := _stays(search, best)) > 0:
-        best = _set(best, {"noise_time": stays})
+    search.best = best = max(search.best, search.told, key=search.evidence)
     found = {
         name: _short(getattr(best, name))
         for name in type(params).__dataclass_fields__
         if getattr(best, name) != getattr(params, name)
     }
-    return best, {**found, "learning_gain": round(float(gain), 1)}
+    return best, {**found, "learning_gain": round(float(search.gain), 1)}
 
 
 def _short(value: Any) -> Any:
@@ -219,17 +228,25 @@ def _late(search: _Search) -> None:
     search.best = max([told, *tried], key=search.evidence)
 
 
-def _stays(search: _Search, best: Params) -> float:
-    """How long [s] errors stay, from what a filter that does not follow them leaves unexplained."""
-    if "noise_time" not in type(best).__dataclass_fields__ or best.noise_time > 0:
-        return best.noise_time
+def _space(search: _Search) -> None:
+    """Find how long errors stay, from what a filter that does not follow them leaves unexplained.
+
+    From then on ranges count for less, and evidences compare with each other alone.
+    """
+    if "noise_time" not in type(search.told).__dataclass_fields__ or search.told.noise_time > 0:
+        return
     try:
-        steps = search.steps(_set(best, {"noise_time": LONGEST}))
+        steps = search.steps(_set(search.best, {"noise_time": LONGEST}))
         stays = noise_time(*residuals(search.events, steps))
     except EstimatorError:
-        return 0.0
+        return
     # what a fit that is not perfect leaves is alike in neighbours, too
-    return stays if stays > 2 * search.interval else 0.0
+    if stays > IMPERFECT * search.interval:
+        gained = search.gain
+        search.best, search.told = (
+            _set(params, {"noise_time": stays}) for params in (search.best, search.told)
+        )
+        search.at_first = search.evidence(search.best) - gained
 
 
 def _explain(search: _Search, wanted: Sequence[str]) -> None:

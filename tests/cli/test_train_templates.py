@@ -54,5 +54,8 @@ def test_info_says_how_weights_were_made(run, tmp_path):
     result = run("info", path)
     assert result.code == 0
     assert weights.sha256(path) in result.out and '"jsc-6bs"' in result.out + result.err
-    assert "nobody has said how" in run("info", SHIPPED).out
+    assert '"echoset train-classifier --scenario jsc-6bs --seed 1"' in run("info", SHIPPED).out
+    bare = tmp_path / "bare.npz"
+    weights.write(bare, replace(weights.read(SHIPPED), made={}))
+    assert "nobody has said how" in run("info", bare).out
     assert '"kind": "weights"' in run("info", "--json", path).out

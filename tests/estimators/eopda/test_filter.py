@@ -14,7 +14,7 @@ from echoset.estimators.eopda import geo as eopda_geo
 from echoset.estimators.eopda import ideal as eopda_ideal
 from echoset.estimators.eopda.cloud.resampling import normalise
 from echoset.estimators.eopda.extract import extract
-from echoset.estimators.eopda.filter import predict, reduce, turn
+from echoset.estimators.eopda.filter import predict, reduce, shown, turn
 from echoset.estimators.eopda.links import Links
 from echoset.estimators.eopda.state import Height, State
 from echoset.estimators.eopda.weighing import weigh_active
@@ -235,6 +235,21 @@ def test_resampling_takes_all_of_a_particle_along():
     assert (kept.w == 1 / n).all() and kept.hidden == 0.3 and len(set(index)) < n / 2
     assert (kept.y == y[:, index]).all() and (kept.mean == mean[index]).all()
     assert (kept.covariance == state.covariance[index]).all()
+
+
+def test_a_hidden_device_is_shown_where_its_walk_leads_on_average():
+    """Of few heavy particles, too: by the mean of a wrapped Gaussian."""
+    rng = np.random.default_rng(9)
+    n, length, hidden = 5000, 0.3, 0.4
+    y = np.zeros((9, n))
+    y[4], y[5] = length, 0.7
+    w = np.where(np.arange(n) < 4, 0.24, 0.04 / (n - 4))
+    params = eopda_geo.Params(max_range=20.0, bias_distance_std=0.0, bias_angle_std=0.5)
+    state = State(y, w, np.zeros((n, 0)), np.zeros((n, 0, 0)), hidden)
+    out = shown(state, params, rng)
+    far = length * np.exp(-(0.5**2) * hidden / 0.1 / 2)
+    expected = far * np.array([np.cos(0.7), np.sin(0.7)])
+    assert np.abs(out.device @ out.w - expected).max() < 4.5 * length / np.sqrt(n)
 
 
 def test_angles_are_averaged_on_the_circle():
