@@ -133,7 +133,7 @@ class Params(TrailParams, ModeParams, BacklogParams, FilterParams):
     min_travel: float = parameter(
         0.0,
         "m",
-        "only tracks that have been as far from where they began, or smoothed from where they end: "
+        "only tracks detected as far from where they began, or smoothed from where they end: "
         "leaves out what lies",
         within="[0, inf)",
     )

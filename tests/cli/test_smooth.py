@@ -55,6 +55,16 @@ def test_bytes_are_equal_for_all_formats(run, scene, tmp_path, words):
     assert one == other
 
 
+def test_a_search_has_equal_bytes_in_any_format_and_process(run, scene, tmp_path):
+    run("convert", scene, "-o", tmp_path / "scene.mcap")
+    (tmp_path / "copy.h5").write_bytes(scene.read_bytes())
+    words = ("-e", "mbm", "--smooth=search", "-o", f"{tmp_path}/out/")
+    assert run("estimate", *words, scene, tmp_path / "copy.h5", "-j", 2).code == 0
+    assert run("estimate", *words[:-1], f"{tmp_path}/m/", tmp_path / "scene.mcap").code == 0
+    one, other = ((tmp_path / "out" / f"{n}.mbm-smooth.h5").read_bytes() for n in ("scene", "copy"))
+    assert one == other == (tmp_path / "m" / "scene.mbm-smooth.h5").read_bytes()
+
+
 @pytest.mark.parametrize("words", [("--smooth",), ("--smooth", "0.6s")])
 @pytest.mark.parametrize("name", ["eopda-geo", "a-eopda-ideal", "ap-pda", "position"])
 def test_filters_of_a_device(run, tmp_path, name, words):
