@@ -24,7 +24,7 @@ OVER = 0.5
 not kept matters as well."""
 OVER_MANY = 0.005
 """The same of a group with more than :data:`MANY` tracks, each of whose doubts multiplies them."""
-MANY = 8
+MANY = 10
 MOST = 40
 """Tracks of a group, from which on no number of hypotheses tells what matters."""
 
