@@ -192,7 +192,8 @@ def learn(
             # what stays is to be no walk of the offsets, nor detours, which are new for each range
             _space(search)
         if "bias" in wanted and is_first and search.best.range_bias_std > 0:
-            for spread in SPREADS:
+            # beside a scale or a height only a rest is left, which stays narrow
+            for spread in SPREADS if search.best.range_bias_std > REST_STD else ():
                 search.offer(range_bias_spread=spread * params.range_bias_spread)
             for walk in WALKS:
                 search.offer(range_bias_walk=walk)
