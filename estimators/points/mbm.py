@@ -32,16 +32,8 @@ from .kernels.gaussians import falling
 from .kernels.paths import Paths, back
 from .kernels.smoothing import Epoch, ended, smooth
 from .mbm_filter import Params, State, first_detections, init, predict, reduce, update
-from .model.sensing import (
-    UNKNOWN,
-    Look,
-    SensorParams,
-    at_once,
-    innovations,
-    log_likelihood,
-    positions,
-    spread,
-)
+from .model.measurement import innovations, log_likelihood, positions
+from .model.sensing import UNKNOWN, Look, SensorParams, at_once, spread
 from .model.targets import NAMES, UNITS, born
 from .modes import initial
 from .search import Sighting, searched

@@ -36,7 +36,8 @@ from .kernels.gaussians import strongest
 from .kernels.modes import Way
 from .kernels.poisson import first_detections as of_each
 from .model.edge import detection_probability, unseen
-from .model.sensing import Look, SensorParams, innovations, log_likelihood, updated
+from .model.measurement import innovations, log_likelihood, updated
+from .model.sensing import Look, SensorParams
 from .model.sight import Sight
 from .model.targets import Interval, elapse, limit, newborn, started
 from .modes import ModeParams, initial, moved

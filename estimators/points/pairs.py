@@ -15,7 +15,8 @@ from ...models.records import Array
 from .kernels.compiled.pairs import log_likelihood
 from .kernels.gaussians import innovation
 from .model.doppler import Rates, beside, log_density
-from .model.sensing import Look, expected, pair_update, positions
+from .model.measurement import expected, pair_update, positions
+from .model.sensing import Look
 
 MOST = 1 << 22
 """Pairs of a look that are compared, those of the nearest detections of each target."""

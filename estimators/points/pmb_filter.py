@@ -22,7 +22,8 @@ from .kernels.compiled.pairs import matched
 from .kernels.gaussians import falling, strongest
 from .kernels.modes import Modes, Way
 from .model.edge import Border, detection_probability
-from .model.sensing import UNKNOWN, Look, SensorParams, positions
+from .model.measurement import positions
+from .model.sensing import UNKNOWN, Look, SensorParams
 from .model.targets import Interval, elapse, newborn, started
 from .modes import ModeParams, initial, moved
 from .pairs import Pairs, near

@@ -25,7 +25,8 @@ from .kernels.search import Batch
 from .kernels.smoothing import Epoch
 from .mbm_filter import Params
 from .model.edge import unseen
-from .model.sensing import Look, SensorParams, innovations, log_likelihood, positions, updated
+from .model.measurement import innovations, log_likelihood, positions, updated
+from .model.sensing import Look, SensorParams
 from .model.targets import Interval, elapse
 from .trails import Trail
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from ....models.radar.detection import polar
 from ....models.records import Array, Scan
-from .sensing import Look, SensorParams, positions
+from .measurement import positions
+from .sensing import Look, SensorParams
 
 InView = Callable[[Array], Array]
 """Whether positions (n, 2) in the map are in view."""

@@ -9,7 +9,8 @@ import numpy as np
 from ....models.records import Array
 from ..kernels.modes import Modes
 from .edge import Border, detection_probability
-from .sensing import Look, SensorParams, innovations, log_likelihood, updated
+from .measurement import innovations, log_likelihood, updated
+from .sensing import Look, SensorParams
 
 Moments = tuple[Array, Array, Modes | None]
 """Means m (k, dx), covariances P (k, dx, dx) and modes, if there are several."""

@@ -26,7 +26,8 @@ from ....models.records import Array, Recording
 from ..kernels import births
 from ..kernels.compiled import gaussians
 from ..kernels.gaussians import moments
-from .sensing import STREAMS, Look, Motion, first
+from .measurement import first
+from .sensing import STREAMS, Look, Motion
 
 NAMES = ("x", "y", "vx", "vy", "ax", "ay")
 UNITS = ("m", "m", "m s-1", "m s-1", "m s-2", "m s-2")
@@ -244,7 +245,7 @@ def widened(params: TargetParams, m: Array, P: Array) -> tuple[Array, Array]:
 
 
 def started(params: TargetParams, look: Look) -> tuple[Array, Array, Array]:
-    """:func:`.sensing.first`: targets that nothing but the detections of a look tells of."""
+    """:func:`.measurement.first`: targets that nothing but the detections of a look tells of."""
     m, P, density = first(look, np.array(params.birth_std_velocity))
     return *widened(params, m, P), density
 

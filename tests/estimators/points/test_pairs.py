@@ -12,7 +12,8 @@ from echoset.estimators.points.kernels import association
 from echoset.estimators.points.kernels import pairs as definition
 from echoset.estimators.points.kernels.compiled import association as compiled_association
 from echoset.estimators.points.kernels.compiled import pairs as compiled
-from echoset.estimators.points.model.sensing import Look, Part, innovations, log_likelihood
+from echoset.estimators.points.model.measurement import innovations, log_likelihood
+from echoset.estimators.points.model.sensing import Look, Part
 from echoset.estimators.points.model.targets import TargetParams, within
 from echoset.models.radar.detection import View
 

@@ -10,7 +10,8 @@ from scipy.stats import multivariate_normal
 
 from echoset.estimators.points import phd
 from echoset.estimators.points.context import Context
-from echoset.estimators.points.model.sensing import expected, look
+from echoset.estimators.points.model.measurement import expected
+from echoset.estimators.points.model.sensing import look
 from echoset.estimators.points.phd_filter import Mixture
 from echoset.estimators.points.streams import per_stream, resolved
 from echoset.models.checks import check_objects, check_steps

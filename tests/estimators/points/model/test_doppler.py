@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 
 from echoset.estimators.points import mbm, pairs, phd, pmb
-from echoset.estimators.points.model import doppler, sensing
+from echoset.estimators.points.model import doppler, measurement
 from echoset.estimators.points.model.sensing import SensorParams, look
 from echoset.models.geometry.poses import velocity_at, yaw_quaternion
 from echoset.models.records import Sensor
@@ -90,10 +90,10 @@ def test_an_update_is_that_of_the_integral(make_recording, kind, period):
     where = PLACE + distance * np.array([np.cos(angle), np.sin(angle)])
     seen = sight(make_recording, kind, where, 0.0, doppler_max=period / 2)
     plain = replace(seen, rates=None)
-    arrays = sensing.innovations(plain, m[None], P[None], False)
+    arrays = measurement.innovations(plain, m[None], P[None], False)
     zero = np.zeros(1, int)
-    m_place, P_place = sensing.updated(plain, m[None], P[None], *arrays, zero, zero)
-    log_place = sensing.log_likelihood(plain, arrays[0], arrays[2], 1e9)[0, 0]
+    m_place, P_place = measurement.updated(plain, m[None], P[None], *arrays, zero, zero)
+    log_place = measurement.log_likelihood(plain, arrays[0], arrays[2], 1e9)[0, 0]
     x, w = nodes(m_place[0], P_place[0])
     h, std = rate(x, HEIGHT), 0.3
     z = float(w @ h) + 0.8
@@ -101,16 +101,18 @@ def test_an_update_is_that_of_the_integral(make_recording, kind, period):
     l = norm.pdf(z + turns[:, None], h, std).sum(0)
     log_l, mean, spread = log_place + np.log(w @ l), *moments(x, w * l / (w @ l))
     seen = sight(make_recording, kind, where, z, doppler_max=period / 2)
-    z_hat, C, S = sensing.innovations(seen, m[None], P[None], False)
-    assert sensing.log_likelihood(seen, z_hat, S, 1e9)[0, 0] == pytest.approx(log_l, abs=0.02)
-    m_new, P_new = sensing.updated(seen, m[None], P[None], z_hat, C, S, zero, zero)
+    z_hat, C, S = measurement.innovations(seen, m[None], P[None], False)
+    assert measurement.log_likelihood(seen, z_hat, S, 1e9)[0, 0] == pytest.approx(log_l, abs=0.02)
+    m_new, P_new = measurement.updated(seen, m[None], P[None], z_hat, C, S, zero, zero)
     scale = np.sqrt(np.diag(spread))
     np.testing.assert_allclose((m_new[0] - mean) / scale, 0.0, atol=0.05)
     np.testing.assert_allclose(
         P_new[0] / np.outer(scale, scale), spread / np.outer(scale, scale), atol=0.06
     )
     x = pairs.near(seen, m[None], P[None], False, 1e9)
-    assert x.log_l[0] == pytest.approx(sensing.log_likelihood(seen, z_hat, S, 1e9)[0, 0], abs=1e-9)
+    assert x.log_l[0] == pytest.approx(
+        measurement.log_likelihood(seen, z_hat, S, 1e9)[0, 0], abs=1e-9
+    )
     for one, other in zip(x.updated(seen, m[None], P[None]), (m_new, P_new), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-9)
 
@@ -166,15 +168,15 @@ def test_a_wrong_doppler_is_no_pair(make_recording, updates):
     m, P = target()
     for z, none in ((60.0, True), (float(rate(m[None], HEIGHT)[0]), False)):
         seen = sight(make_recording, "position", m[:2], z, doppler=updates)
-        z_hat, C, S = sensing.innovations(seen, m[None], P[None], False)
-        log_l = sensing.log_likelihood(seen, z_hat, S, 20.0)
+        z_hat, C, S = measurement.innovations(seen, m[None], P[None], False)
+        log_l = measurement.log_likelihood(seen, z_hat, S, 20.0)
         assert np.isinf(log_l[0, 0]) == none
         assert len(pairs.near(seen, m[None], P[None], False, 20.0)) == (not none)
     plain = replace(seen, rates=None)
     zero = np.zeros(1, int)
-    m_new, _ = sensing.updated(seen, m[None], P[None], z_hat, C, S, zero, zero)
-    arrays = sensing.innovations(plain, m[None], P[None], False)
-    m_place, _ = sensing.updated(plain, m[None], P[None], *arrays, zero, zero)
+    m_new, _ = measurement.updated(seen, m[None], P[None], z_hat, C, S, zero, zero)
+    arrays = measurement.innovations(plain, m[None], P[None], False)
+    m_place, _ = measurement.updated(plain, m[None], P[None], *arrays, zero, zero)
     assert np.allclose(m_new, m_place) == (updates == "gate")
     assert seen.with_doppler(np.ones(1))[0] == (1.0 if updates == "gate" else 0.01)
 

@@ -5,7 +5,8 @@ import pytest
 
 from echoset.estimators.points.kernels import births
 from echoset.estimators.points.model.edge import detection_probability
-from echoset.estimators.points.model.sensing import Look, SensorParams, expected, look, positions
+from echoset.estimators.points.model.measurement import expected, positions
+from echoset.estimators.points.model.sensing import Look, SensorParams, look
 from echoset.models.geometry.poses import yaw_quaternion
 from echoset.models.radar.detection import View
 from echoset.models.records import Sensor

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from echoset.estimators.points.model.sensing import SensorParams, look, positions
+from echoset.estimators.points.model.measurement import positions
+from echoset.estimators.points.model.sensing import SensorParams, look
 from echoset.models.errors import InputError
 from echoset.models.geometry.poses import rotation
 from echoset.models.records import Scan, Sensor
