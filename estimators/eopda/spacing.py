@@ -78,7 +78,8 @@ def residuals(events: Iterable[Event], steps: Iterable[Step]) -> tuple[list[Arra
 def noise_time(time: Sequence[Array], e: Sequence[Array]) -> float:
     """How long [s] errors stay, from residuals ``e`` (n,) [m] of each link at ``time`` (n,) [s].
 
-    It is 0 where too few of them are closer than :data:`LONGEST`, or no more alike than by chance.
+    It is 0 where too few of them are closer than :data:`LONGEST`, or no more alike than by chance,
+    and at most that: what stays longer is an offset that walks.
     """
     spread = 1.4826 * float(np.median(np.abs(np.concatenate([np.zeros(1), *e]))))
     if spread == 0.0:
@@ -96,4 +97,4 @@ def noise_time(time: Sequence[Array], e: Sequence[Array]) -> float:
     variance = float(np.mean(np.square(np.concatenate(cut))))
     if pairs < PAIRS or total < SURE * np.sqrt(pairs) * variance:
         return 0.0
-    return 2 * LONGEST * total / pairs / variance
+    return min(2 * LONGEST * total / pairs / variance, LONGEST)

@@ -91,3 +91,11 @@ def test_a_tag_whose_errors_stay_is_not_too_sure() -> None:
     nees = np.einsum("ni,ni->n", e, np.linalg.solve(C[50:], e[..., None])[..., 0])
     # about 25 independent steps; taken for independent errors it is above 8
     assert nees.mean() < 4.0
+
+
+def test_what_stays_longer_than_is_compared_is_an_offset():
+    """Errors that wander over seconds: no more than the span in which they are compared."""
+    rng = np.random.default_rng(3)
+    time = [np.arange(600) * 0.1] * 4
+    e = [np.cumsum(rng.normal(size=600)) for _ in time]
+    assert noise_time(time, e) == LONGEST
