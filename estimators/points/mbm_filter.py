@@ -33,6 +33,7 @@ from .kernels.bernoulli import (
 from .kernels.bernoulli import newborn as begun
 from .kernels.compiled import gaussians
 from .kernels.gaussians import strongest
+from .kernels.groups import MANY, MOST
 from .kernels.modes import Way
 from .kernels.poisson import first_detections as of_each
 from .model.edge import detection_probability, unseen
@@ -262,6 +263,7 @@ def update(
         params.max_hypotheses,
         -np.log(params.min_weight),
         params.dependence is not None,
+        MANY if params.wait is None else MOST,
     )
     # (1), and (2) for who is detected.
     hit = np.flatnonzero(found.detection >= 0)

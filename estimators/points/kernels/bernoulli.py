@@ -217,7 +217,7 @@ class Association:
 
 def associate(
     mixture: Mixture, log_hit: Array, p_detect: Array, log_free: Array, k: int, gap: float,
-    parted: bool = False,
+    parted: bool = False, many: int = MANY,
 ) -> Association:  # fmt: skip
     """The ``k`` best joint associations of tracks to detections, over all hypotheses of a group.
 
@@ -231,6 +231,8 @@ def associate(
     log_free : (M,) log density of detections that none of the tracks made: clutter, new objects
     k, gap : how many hypotheses are kept, and how far in log weight below the best one
     parted : tracks are in groups, which become one where they may have made the same detection
+    many : tracks of a group, beyond which its hypotheses count as too few unless the last hardly
+        weighs
 
     Raises
     ------
@@ -247,7 +249,7 @@ def associate(
     miss, of = np.append(miss, 0.0), np.zeros(M, np.int64)
     if parted:
         x, (cost, row, detection), of, taken, loose, over = _by_group(
-            mixture, gain, miss, near, k, gap
+            mixture, gain, miss, near, k, gap, many
         )
     else:
         x, taken, loose, over = mixture, np.zeros(M), np.zeros(len(mixture.label), bool), 0
@@ -267,7 +269,7 @@ def associate(
 
 
 def _by_group(
-    mixture: Mixture, gain: Array, miss: Array, near: Array, k: int, gap: float
+    mixture: Mixture, gain: Array, miss: Array, near: Array, k: int, gap: float, many: int
 ) -> tuple[Mixture, tuple[Array, Array, Array], Array, Array, Array, int]:
     """The mixture in groups that share no detection, and what :func:`.groups.best` says of it.
 
@@ -290,7 +292,7 @@ def _by_group(
             found = groups.best(x.w, x.table, x.group, gain, miss, of, k, gap)
             if len(found[0]) >= k:
                 last = np.exp(found[0][0] - found[0][k - 1])[: len(kept)]
-                more = last > np.where(size[kept] > MANY, OVER_MANY, OVER)
+                more = last > np.where(size[kept] > many, OVER_MANY, OVER)
         if not more.any():
             break
         over[kept[more]] = True

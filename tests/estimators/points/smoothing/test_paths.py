@@ -1,12 +1,17 @@
 """Smoothed trajectories of the best global hypothesis against least squares and enumeration."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
+from scene import simulated
 
 from echoset.estimators.points import mbm
 from echoset.estimators.points.kernels import bernoulli, paths, smoothing
+from echoset.estimators.run import Estimation
+from echoset.formats.windows import concatenate
+from echoset.metrics.run import score
 from echoset.models.motion import constant_velocity, white_acceleration
 
 SIGMA, DENSITY = 1.0, 0.3
@@ -266,3 +271,19 @@ def test_groups_that_met_and_parted_keep_their_own_past():
     end = paths.back(None, last, 0.0)
     assert sorted(end.label.tolist()) == [3, 5]
     assert sorted(paths.back(end, first, 0.0).label.tolist()) == [3, 5]
+
+
+def test_targets_that_meet_are_each_shown_once():
+    """Told by their marginals, tracks that met would both go back to the same detections."""
+    recording = simulated("rendezvous", "rendezvous-s2026-0001", 2026)
+    settings = {"poisson": True, "acceleration_density": 0.09, "p_survive": 0.98, "smooth": "whole"}
+    asked = Estimation("mbm", (("test", settings),))
+    seen = replace(recording.setup(), truth=None)
+    found = concatenate(list(asked.on(seen, "met").steps(recording.scans())))
+    table = score("t-gospa", [], found, recording)
+    (false,) = (
+        value
+        for value, part, time in zip(table.value, table.part, table.time, strict=True)
+        if part == "false" and np.isnan(time)
+    )
+    assert false < 0.5
