@@ -162,6 +162,11 @@ class Params(TrailParams, ModeParams, BacklogParams, FilterParams):
         require(known, "smooth", "search with poisson alone, and one motion", self.smooth)
 
     @property
+    def looks_back(self) -> bool:
+        """Whether what targets were is asked again when more is known."""
+        return self.lag > 0 or self.wait is not None
+
+    @property
     def dependence(self) -> float | None:
         """``group_dependence``, null where whole hypotheses are asked of."""
         whole = self.unite_distance or self.extraction == "cardinality"
@@ -263,7 +268,7 @@ def update(
         params.max_hypotheses,
         -np.log(params.min_weight),
         params.dependence is not None,
-        MANY if params.wait is None else MOST,
+        MOST if params.looks_back else MANY,
     )
     # (1), and (2) for who is detected.
     hit = np.flatnonzero(found.detection >= 0)

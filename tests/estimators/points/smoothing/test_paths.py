@@ -273,11 +273,12 @@ def test_groups_that_met_and_parted_keep_their_own_past():
     assert sorted(paths.back(end, first, 0.0).label.tolist()) == [3, 5]
 
 
-def test_targets_that_meet_are_each_shown_once():
+@pytest.mark.parametrize("looks_back", [{"smooth": "whole"}, {"lag": 100.0}])
+def test_targets_that_meet_are_each_shown_once(looks_back):
     """Told by their marginals, tracks that met would both go back to the same detections."""
     recording = simulated("rendezvous", "rendezvous-s2026-0001", 2026)
-    settings = {"poisson": True, "acceleration_density": 0.09, "p_survive": 0.98, "smooth": "whole"}
-    asked = Estimation("mbm", (("test", settings),))
+    settings = {"poisson": True, "acceleration_density": 0.09, "p_survive": 0.98}
+    asked = Estimation("mbm", (("test", settings | looks_back),))
     seen = replace(recording.setup(), truth=None)
     found = concatenate(list(asked.on(seen, "met").steps(recording.scans())))
     table = score("t-gospa", [], found, recording)
