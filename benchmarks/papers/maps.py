@@ -124,13 +124,21 @@ def tracks(seed: int) -> tuple[float, float, list[Array]]:
 
 
 def pieces(share: float) -> list[Piece]:
-    """Recordings of the crossing, the street and other settings, and tracks for pictures."""
+    """Recordings of the crossing, the street and other settings, and tracks for pictures.
+
+    A ``share`` of the runs, and of the settings.
+    """
     wanted: list[tuple[Callable[..., Any], int, Iterable[str]]] = [
         *((crossing_scores, runs, [part]) for part, runs in RUNS.items()),
         (street_scores, STREETS, RUNS),
-        (settings.layout_scores, OTHERS, settings.LAYOUTS),
-        (settings.body_scores, OTHERS, settings.BODIES),
-        (settings.beside, PAIRS, settings.BESIDE),
+        *(
+            (make, runs, list(names)[: max(2, round(len(names) * share))])
+            for make, runs, names in (
+                (settings.layout_scores, OTHERS, settings.LAYOUTS),
+                (settings.body_scores, OTHERS, settings.BODIES),
+                (settings.beside, PAIRS, settings.BESIDE),
+            )
+        ),
     ]
     found = [
         Piece(make, (name, SEEDS[k]))
@@ -150,10 +158,10 @@ def write(results: Sequence[tuple[Piece, Any]], folder: Path) -> None:
     crossing, there, layouts, bodies = (pool(Scores.join(of[make])) for make in SCORED)
     seeds = [p.arguments[0] for p, _ in results if p.make is tracks]
     tried = sorted(zip(of[tracks], seeds, strict=True), key=lambda t: -t[0][0])
-    pairs: dict[str, list[Any]] = {name: [] for name in settings.BESIDE}
+    pairs: dict[str, list[Any]] = {}
     for piece, result in results:
         if piece.make is settings.beside:
-            pairs[piece.arguments[0]].append(result)
+            pairs.setdefault(piece.arguments[0], []).append(result)
     _draw_numbers(crossing, folder / f"{NAME}-3.svg")
     _draw_tracks(tried[:SHOWN], folder / f"{NAME}-tracks.svg")
     made = [f"{runs[crossing_scores, part]} by `{part}`" for part in RUNS]
@@ -206,7 +214,8 @@ def _table(p: Scores, names: Iterator[str]) -> str:
     pooled = {(e, m, q): (v, s) for e, m, q, v, s in zip(*columns, strict=True)}
     value = partial(stations.cell, pooled)
     shown = {t: c for t, c in COLUMNS.items() if any(c[0] == m for _, m, _ in pooled)}
-    rows = [[n, *(value((n, m, q), d) for m, q, d in shown.values())] for n in names]
+    made = set(p.estimator)
+    rows = [[n, *(value((n, m, q), d) for m, q, d in shown.values())] for n in names if n in made]
     return page.table(["", *shown], rows)
 
 
