@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 from scene import simulated
+from support.births import at_the_first_scan_alone
 
 from echoset.estimators.points import mbm
 from echoset.estimators.points.kernels import bernoulli, paths, smoothing
@@ -70,13 +71,7 @@ def run(recording, **changes):
 
 def first_scan_only(monkeypatch):
     """Births at the first scan alone."""
-    whole = mbm.predict
-
-    def predict(state, params, time_ns):
-        births = params.birth_components if state.time_ns is None else ()
-        return whole(state, mbm.replace(params, birth_components=births), time_ns)
-
-    monkeypatch.setattr(mbm, "predict", predict)
+    at_the_first_scan_alone(monkeypatch, mbm)
 
 
 @pytest.mark.parametrize("poisson", [False, True])

@@ -5,6 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from scipy.special import logsumexp
+from support.births import at_the_first_scan_alone
 
 from echoset.estimators.points import mbm, pmb, search
 from echoset.estimators.points.kernels import search as definition
@@ -34,13 +35,7 @@ BASE = {
 @pytest.fixture(autouse=True)
 def first_scan_only(monkeypatch):
     """Births at the first scan alone, so that each first detection is of one component."""
-    whole = mbm.predict
-
-    def predict(state, params, time_ns):
-        births = params.birth_components if state.time_ns is None else ()
-        return whole(state, mbm.replace(params, birth_components=births), time_ns)
-
-    monkeypatch.setattr(mbm, "predict", predict)
+    at_the_first_scan_alone(monkeypatch, mbm)
 
 
 @pytest.fixture

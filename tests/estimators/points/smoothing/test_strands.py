@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.births import at_the_first_scan_alone
 
 from echoset.estimators.points import phd
 from echoset.estimators.points.strands import ANEW, Strands, back
@@ -23,13 +24,7 @@ def run(recording, **changes):
 @pytest.fixture
 def first_scan_only(monkeypatch):
     """Births at the first scan alone."""
-    whole = phd.predict
-
-    def predict(state, params, time_ns):
-        births = params.birth_components if state.time_ns is None else ()
-        return whole(state, phd.replace(params, birth_components=births), time_ns)
-
-    monkeypatch.setattr(phd, "predict", predict)
+    at_the_first_scan_alone(monkeypatch, phd)
 
 
 @pytest.mark.usefixtures("first_scan_only")
